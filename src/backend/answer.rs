@@ -14,6 +14,24 @@ pub enum Answer {
     Failed(String),
 }
 
+/// How the reason of a scene begins that its driver did not want to drive. No other reason begins so.
+pub(super) const ABANDONED: &str = "abandoned: planner `";
+
+/// Whether a scene has no outcome because its driver abandoned it: a decision like any other, and neither a crash nor a success.
+pub fn is_abandoned(reason: &str) -> bool {
+    reason.starts_with(ABANDONED)
+}
+
+impl Answer {
+    /// Whether the same question has the same answer next time: a motion, and a scene that the driver abandoned.
+    pub fn is_settled(&self) -> bool {
+        match self {
+            Answer::ReportedRollout(_) => true,
+            Answer::Failed(reason) => is_abandoned(reason),
+        }
+    }
+}
+
 /// An answer as a line holds it. `end`, `ego` and `road_users` are there unless it failed.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -9,8 +9,8 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::answer::{Answer, AnswerLine};
-use super::spec::{BackendOptions, DRIVER};
+use super::answer::{Answer, AnswerLine, is_abandoned};
+use super::spec::{BackendOptions, DRIVER, is_blind};
 use crate::kernel::Digest;
 use crate::store::{self, StoreError, TextFault, shortened};
 
@@ -38,7 +38,7 @@ pub enum RolloutCassetteError {
     Backend { file: String, field: &'static str, expected: String, found: String },
     #[error(
         "{file} was recorded with another planner: its digest is {found}, and that of the files and arguments in [driver] is {expected}. \
-         A file or an argument has changed; restore it, or give driver.cassette another name and record again: recorded answers of models are \
+         A file, an argument or what it hears has changed; restore it, or give driver.cassette another name and record again: recorded answers of models are \
          kept"
     )]
     Planner { file: String, expected: String, found: String },
@@ -61,6 +61,11 @@ impl Header {
     pub fn of(backend: &BackendOptions) -> Header {
         let BackendOptions { name, version, digest, options, .. } = backend.clone();
         Header { name, version, digest, options }
+    }
+
+    /// Whether whoever drove was not told under which program ([`BackendOptions::is_blind`]).
+    pub fn is_blind(&self) -> bool {
+        is_blind(&self.name, &self.options)
     }
 }
 
@@ -267,6 +272,12 @@ impl RolloutCassette {
 
     pub fn len(&self) -> usize {
         self.rollouts.len()
+    }
+
+    /// In how many of them the driver abandoned the scene.
+    pub fn abandoned(&self) -> usize {
+        let gave_up = |recorded: &&Recorded| matches!(&recorded.answer, Answer::Failed(reason) if is_abandoned(reason));
+        self.rollouts.values().filter(gave_up).count()
     }
 
     pub fn is_empty(&self) -> bool {

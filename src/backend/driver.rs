@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::spec::{BackendOptions, DRIVER, PlanAround, WorkerOptions};
-use crate::ego::Policy;
+use super::spec::{BLIND, BackendOptions, DRIVER, PlanAround, WorkerOptions};
+use crate::ego::{Policy, Setting};
 use crate::kernel::{Digest, canon::CanonError};
 use crate::sim::{SIM_VERSION, SimulatorOptions};
 
@@ -34,6 +34,12 @@ pub struct DriverOptions {
     /// Share of the rollouts that another process plays again when they are recorded. It counts into no key.
     #[serde(default = "repeat_share")]
     pub repeat_share: f64,
+    /// Which observation each step holds beside what every planner is told. It is part of the identity.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub observe: Option<Setting>,
+    /// Whether the planner is not told under which program it drives. It is part of the identity.
+    #[serde(default = "blind", skip_serializing_if = "is_blind")]
+    pub blind: bool,
     /// The planner's identity: [`DriverOptions::identity`]. Written by hand only where the files may be missing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub digest: Option<Digest>,
@@ -54,15 +60,34 @@ fn repeat_share() -> f64 {
     0.05
 }
 
+fn blind() -> bool {
+    true
+}
+
+fn is_blind(blind: &bool) -> bool {
+    *blind
+}
+
 impl DriverOptions {
-    /// What of a planner can change an answer: the protocol, the arguments, and name and digest of each file. The program's
-    /// own name is no part of it, because it may be a path of one machine.
+    /// What of a planner can change an answer: the protocol, the arguments, name and digest of each file, and what it is told
+    /// beyond what every planner is. The program's own name is no part of it, because it may be a path of one machine.
     ///
     /// # Errors
     /// None that a list of texts can cause.
-    pub fn identity(command: &[String], files: &[(String, Digest)]) -> Result<Digest, CanonError> {
+    pub fn identity(
+        command: &[String],
+        files: &[(String, Digest)],
+        (observe, blind): (Option<Setting>, bool),
+    ) -> Result<Digest, CanonError> {
         let arguments = command.get(1..).unwrap_or_default();
-        Digest::of("evodrive/driver/1", &(DRIVER_PROTOCOL, arguments, files))
+        match (observe, blind) {
+            // Planners from before there was a choice.
+            (None, true) => Digest::of("evodrive/driver/1", &(DRIVER_PROTOCOL, arguments, files)),
+            _ => {
+                let observe = observe.map_or("", Setting::name);
+                Digest::of("evodrive/driver/2", &(DRIVER_PROTOCOL, arguments, files, observe, blind))
+            }
+        }
     }
 
     /// The ego.
@@ -85,11 +110,15 @@ impl DriverOptions {
     /// As whose rollouts they are recorded. The rules under which our simulator plays count into every key.
     pub fn backend(&self, simulator: &SimulatorOptions) -> Result<BackendOptions, CanonError> {
         let rules = Value::String(simulator.digest()?.to_hex());
+        let mut options = BTreeMap::from([("rules".to_string(), rules)]);
+        if !self.blind {
+            options.insert(BLIND.into(), Value::Bool(false));
+        }
         Ok(BackendOptions {
             name: DRIVER.into(),
             version: format!("{DRIVER_PROTOCOL}.{SIM_VERSION}"),
             digest: self.digest.unwrap_or_else(|| Digest::of_bytes(b"")),
-            options: BTreeMap::from([("rules".to_string(), rules)]),
+            options,
             plan_around: PlanAround::Backend,
             cassette: self.cassette.clone(),
             worker: WorkerOptions {
@@ -104,18 +133,32 @@ impl DriverOptions {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
 
     #[test]
     fn a_planner_is_its_arguments_and_the_bytes_of_its_files_and_not_where_python_lies() {
         let command = |program: &str, speed: &str| vec![program.to_string(), "idm.py".into(), speed.into()];
         let file = |text: &str| [("idm.py".to_string(), Digest::of_bytes(text.as_bytes()))];
-        let of = |command: &[String], text: &str| DriverOptions::identity(command, &file(text)).unwrap();
+        let of = |command: &[String], text: &str| DriverOptions::identity(command, &file(text), (None, true)).unwrap();
         let first = of(&command("python3", "10"), "a");
         assert_eq!(first, of(&command("/opt/bin/python3.11", "10"), "a"));
         assert_ne!(first, of(&command("python3", "11"), "a"));
         assert_ne!(first, of(&command("python3", "10"), "b"));
         let ego = |digest| Policy::Command(digest).digest();
         assert_ne!(ego(first), ego(of(&command("python3", "10"), "b")), "the ego's digest is in every key");
+        // Who is told more is another planner, and who is told no more is the one that it was.
+        let pinned = "ee4c82ed06488d0ea3cb39d8675881123a4b585040b40b8f8909c635b61c548c";
+        assert_eq!(first.to_hex(), pinned);
+        let heard = |of| DriverOptions::identity(&command("python3", "10"), &file("a"), of).unwrap();
+        let all = [
+            heard((None, true)),
+            heard((None, false)),
+            heard((Some(Setting::Metadrive1), true)),
+            heard((Some(Setting::Safebench1), true)),
+            heard((Some(Setting::Safebench1), false)),
+        ];
+        assert_eq!((all[0], BTreeSet::from(all).len()), (first, all.len()));
     }
 }

@@ -81,6 +81,8 @@ fn options(repeat_share: f64) -> DriverOptions {
         timeout_s: 1.0,
         processes: 2,
         repeat_share,
+        observe: None,
+        blind: true,
         digest: Some(Digest::of_bytes(b"mine")),
         folder: "/there".into(),
     }
@@ -126,7 +128,7 @@ fn played(options: &DriverOptions, start: &dyn Start, scene: &Scene, act: &Inter
     let planners = Planners::new(options, start);
     let backend = options.backend(&SimulatorOptions::SHIPPED).unwrap();
     let behind = Backend::Other { options: &backend, answers: &planners };
-    behind.rollout(&plant(scene), act, &options.policy().unwrap(), Seed(1))
+    behind.rollout(&plant(scene), act, &options.policy().unwrap(), (Seed(1), Under::Plain))
 }
 
 #[test]
@@ -308,7 +310,9 @@ fn who_drives_again_is_another_process_that_is_kept() {
     let behind = Backend::Other { options: &backend, answers: &planners };
     for seed in 0..3 {
         let scene = crossing(seed, 3, 91);
-        behind.rollout(&plant(&scene), &Intervention::default(), &options.policy().unwrap(), Seed(1)).unwrap();
+        behind
+            .rollout(&plant(&scene), &Intervention::default(), &options.policy().unwrap(), (Seed(1), Under::Plain))
+            .unwrap();
     }
     assert_eq!(start.1.load(Ordering::SeqCst), 2);
 }
@@ -324,7 +328,12 @@ fn a_process_that_failed_is_replaced_and_one_that_drove_is_kept() {
     let backend = options.backend(&SimulatorOptions::SHIPPED).unwrap();
     let behind = Backend::Other { options: &backend, answers: &planners };
     let drive = |seed| {
-        behind.rollout(&plant(&crossing(seed, 3, 91)), &Intervention::default(), &options.policy().unwrap(), Seed(1))
+        behind.rollout(
+            &plant(&crossing(seed, 3, 91)),
+            &Intervention::default(),
+            &options.policy().unwrap(),
+            (Seed(1), Under::Plain),
+        )
     };
     (0..3).for_each(|seed| drop(drive(seed).unwrap()));
     assert_eq!(start.1.load(Ordering::SeqCst), 1);
@@ -333,7 +342,12 @@ fn a_process_that_failed_is_replaced_and_one_that_drove_is_kept() {
     let behind = Backend::Other { options: &backend, answers: &planners };
     for seed in 0..3 {
         let scene = crossing(seed, 3, 91);
-        let failed = behind.rollout(&plant(&scene), &Intervention::default(), &options.policy().unwrap(), Seed(1));
+        let failed = behind.rollout(
+            &plant(&scene),
+            &Intervention::default(),
+            &options.policy().unwrap(),
+            (Seed(1), Under::Plain),
+        );
         assert!(matches!(failed, Err(NoOutcome::Scene(_))));
     }
     assert_eq!(broken.1.load(Ordering::SeqCst), 3);
@@ -343,14 +357,14 @@ fn a_process_that_failed_is_replaced_and_one_that_drove_is_kept() {
 fn no_label_comes_from_whoever_stands_in_for_a_planner() {
     let scene = crossing(3, 5, 91);
     let ego = Policy::Command(Digest::of_bytes(b"mine"));
-    let own = Backend::Own.rollout(&plant(&scene), &Intervention::default(), &ego, Seed(1));
+    let own = Backend::Own.rollout(&plant(&scene), &Intervention::default(), &ego, (Seed(1), Under::Plain));
     assert!(matches!(own, Err(NoOutcome::Stop(BackendError::Unplayable(_)))), "{own:?}");
     // Beside a planner other egos drive as ever, and nobody is asked.
     let options = options(0.0);
     let nobody = Fake(|_: &Value, _: usize| Err(Broken::Ended), AtomicUsize::new(0), Mutex::default());
     let (planners, backend) = (Planners::new(&options, &nobody), options.backend(&SimulatorOptions::SHIPPED).unwrap());
     let behind = Backend::Other { options: &backend, answers: &planners };
-    let idm = behind.rollout(&plant(&scene), &intercept(&scene, 5), &Policy::Idm, Seed(1)).unwrap();
+    let idm = behind.rollout(&plant(&scene), &intercept(&scene, 5), &Policy::Idm, (Seed(1), Under::Plain)).unwrap();
     let plainly = rollout_assessed(&plant(&scene), &intercept(&scene, 5), Policy::Idm.driver().as_mut()).unwrap();
     assert_eq!((idm, nobody.1.load(Ordering::SeqCst)), (plainly, 0));
 }
@@ -440,7 +454,12 @@ fn several_processes_drive_at_once_and_no_more_than_may() {
         let seeds: Vec<u64> = (0..6).collect();
         let outcomes = crate::kernel::Threads::new(3).unwrap().map(&seeds, |_, seed| {
             behind
-                .rollout(&plant(&crossing(*seed, 3, 91)), &Intervention::default(), &options.policy().unwrap(), Seed(1))
+                .rollout(
+                    &plant(&crossing(*seed, 3, 91)),
+                    &Intervention::default(),
+                    &options.policy().unwrap(),
+                    (Seed(1), Under::Plain),
+                )
                 .unwrap()
         });
         let most = inside.0.lock().unwrap().1;
@@ -451,3 +470,5 @@ fn several_processes_drive_at_once_and_no_more_than_may() {
     let (three, most, started) = drives(3, 3);
     assert_eq!((three, most, started), (one, 3, 3));
 }
+
+mod asked;

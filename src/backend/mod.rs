@@ -6,6 +6,7 @@ mod cassette;
 mod crew;
 mod driver;
 mod error;
+mod lines;
 mod lower;
 mod map_near;
 mod planner;
@@ -16,9 +17,10 @@ mod request;
 mod rollouts;
 mod serve;
 mod spec;
+mod under;
 mod workers;
 
-pub use answer::Answer;
+pub use answer::{Answer, is_abandoned};
 pub use cassette::{Header, Recorded, RolloutCassette, RolloutCassetteError};
 pub use driver::DriverOptions;
 pub use error::{BackendError, Fault, Miss, NoOutcome, is_too_slow};
@@ -29,6 +31,7 @@ pub use request::{Answers, PROTOCOL, Request};
 pub use rollouts::Backend;
 pub use serve::{Served, hello, serve};
 pub use spec::{BackendOptions, PlanAround, WorkerOptions};
+pub use under::Under;
 pub use workers::{Broken, Line, Start, Workers};
 
 #[cfg(test)]

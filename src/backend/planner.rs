@@ -1,113 +1,16 @@
-//! One planner process as the driver of a rollout: what it is told, and how its answers are read. `docs/EGOS.md` describes
-//! the lines.
+//! One planner process as the driver of a rollout: what it is told and when, and how its answers are read.
 
 use std::time::Duration;
 
-use serde::{Deserialize, Serialize};
-
-use super::map_near::MapNear;
+use super::lines::{Answered, Asked, Ending, Labelled, Message, Wish, begun, is_word, observation};
 use super::workers::{Broken, Line, start_of};
 use crate::kernel::{Seed, Vec2};
-use crate::scene::{AgentKind, DT_S, Lane, LaneIx, LightState, StopSign};
+use crate::scene::DT_S;
 use crate::sim::bicycle::Car;
-use crate::sim::{ActorRef, Control, Driver, End, Plant, Seen, View};
+use crate::sim::{Control, Driver, End, Outcome, Plant, View};
 
-/// How far a planner sees, metres between centres.
-const SIGHT_M: f64 = 100.0;
 /// Points of a trajectory that are looked at: half a second of them.
 const POINTS_AHEAD: usize = 5;
-
-/// What a planner is told.
-#[derive(Serialize)]
-#[serde(tag = "type", rename_all = "snake_case")]
-enum Message<'a> {
-    /// A rollout begins.
-    Begin {
-        scene: &'a str,
-        dt_s: f64,
-        /// For random numbers: the same in every rollout of a run.
-        seed: u64,
-        /// Decisions at most.
-        steps: usize,
-        target_speed_mps: Option<f64>,
-        ego: CarLimits,
-        route: &'a [Vec2],
-        lanes: &'a [Lane],
-        edges: &'a [Vec<Vec2>],
-        crosswalks: &'a [Vec<Vec2>],
-        stop_signs: &'a [StopSign],
-        lights: Vec<LightPlace>,
-    },
-    /// A decision is asked for.
-    Step {
-        step: usize,
-        time_s: f64,
-        ego: EgoNow,
-        neighbours: Vec<Neighbour>,
-        lights: Vec<LightState>,
-        /// Where the planner asked for it.
-        #[serde(skip_serializing_if = "Option::is_none")]
-        map: Option<MapNear>,
-    },
-    /// The rollout is over.
-    End { end: End, steps: usize },
-}
-
-/// The ego's box and what the car can do.
-#[derive(Serialize)]
-struct CarLimits {
-    length_m: f64,
-    width_m: f64,
-    steering_rad_max: f64,
-    acceleration_mps2_max: f64,
-    brake_mps2_max: f64,
-    speed_mps_max: f64,
-}
-
-#[derive(Serialize)]
-struct LightPlace {
-    lane: LaneIx,
-    stop_point: Vec2,
-}
-
-#[derive(Serialize)]
-struct EgoNow {
-    position: Vec2,
-    heading_rad: f64,
-    velocity: Vec2,
-    speed_mps: f64,
-    acceleration_mps2: f64,
-    steering_rad: f64,
-    /// Driven along the route, and beside it, positive to the left.
-    route_s_m: f64,
-    route_offset_m: f64,
-}
-
-#[derive(Serialize)]
-struct Neighbour {
-    who: ActorRef,
-    kind: AgentKind,
-    position: Vec2,
-    heading_rad: f64,
-    velocity: Vec2,
-    length_m: f64,
-    width_m: f64,
-}
-
-/// What it answers: controls, or where it wants to be 0.1 s, 0.2 s ... from now.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Answered {
-    /// The step that it answers, where the planner says so.
-    #[serde(default)]
-    step: Option<usize>,
-    #[serde(default)]
-    acceleration_mps2: Option<f64>,
-    #[serde(default)]
-    steering_rad: Option<f64>,
-    #[serde(default)]
-    trajectory: Option<Vec<Vec2>>,
-}
 
 /// How long a line is waited for that nobody asked for, behind the last decision of a rollout.
 const UNASKED: Duration = Duration::from_millis(20);
@@ -138,22 +41,44 @@ pub(super) struct Planner<'p> {
     line: &'p mut dyn Line,
     limit: Duration,
     seed: Seed,
-    /// How far around the ego it is told the map, metres, where it asked for it.
-    map_m: Option<f64>,
+    asked: Asked,
     /// What went wrong, and at which decision.
     broken: Option<Refusal>,
+    /// At which decision it abandoned the scene, and the word for why.
+    abandoned: Option<(usize, String)>,
+    /// How the rollout ended whose labels it is yet to be told.
+    ended: Option<(End, usize)>,
     /// Nobody waits for it any more; of the scene that says nothing.
     stopped: bool,
 }
 
 impl<'p> Planner<'p> {
-    pub fn new(line: &'p mut dyn Line, limit: Duration, seed: Seed, map_m: Option<f64>) -> Planner<'p> {
-        Planner { line, limit, seed, map_m, broken: None, stopped: false }
+    pub fn new(line: &'p mut dyn Line, limit: Duration, seed: Seed, asked: Asked) -> Planner<'p> {
+        Planner { line, limit, seed, asked, broken: None, abandoned: None, ended: None, stopped: false }
     }
 
     /// Whether it drove no further because nobody waits for it any more.
     pub fn was_stopped(&self) -> bool {
         self.stopped
+    }
+
+    /// Whether it is to be told what came of its rollout.
+    pub fn awaits_labels(&self) -> bool {
+        self.ended.is_some()
+    }
+
+    /// Says what came of a rollout that ended, to who asked for it.
+    pub fn tell_labels(&mut self, outcome: &Outcome) {
+        if let Some((end, steps)) = self.ended.take() {
+            self.close(steps, &Message::End { end: Ending::Driven(end), steps, labels: Some(Labelled::of(outcome)) });
+        }
+    }
+
+    /// In words, at which decision it abandoned the scene and why, if it did. It goes on with the next one.
+    pub fn abandoned(&mut self) -> Option<String> {
+        let (steps, word) = self.abandoned.take()?;
+        self.close(steps, &Message::End { end: Ending::Abandoned, steps, labels: None });
+        Some(format!("decision {steps} ({:.1} s): {word}", steps as f64 * DT_S))
     }
 
     /// Why it drove no further, if it did not.
@@ -168,18 +93,28 @@ impl<'p> Planner<'p> {
         }
     }
 
-    fn ask(&mut self, view: &View<'_>) -> Result<Control, Refusal> {
+    /// Says the last words of a rollout, to which nobody answers.
+    fn close(&mut self, steps: usize, message: &Message<'_>) {
+        self.say(message);
+        if let (None, Ok(bytes)) = (&self.broken, self.line.receive(UNASKED)) {
+            let reason = format!("behind decision {steps}: {AFTER}");
+            self.broken = Some(Refusal::of(reason, &bytes));
+        }
+    }
+
+    fn ask(&mut self, view: &View<'_>) -> Result<Wish, Refusal> {
         // Taken for the answer, it would be one to an earlier question, and so would every later one.
         match self.line.early() {
             None => {}
             Some(Ok(bytes)) => return Err(Refusal::of(BEFORE, &bytes)),
             Some(Err(broken)) => return Err(Refusal::broken(&broken, self.limit)),
         }
-        self.say(&observation(view, self.map_m));
+        self.say(&observation(view, &self.asked));
         let received = self.line.receive(self.limit);
         self.stopped = received == Err(Broken::Stopped);
         let bytes = received.map_err(|broken| Refusal::broken(&broken, self.limit))?;
-        let wrong = |found: &str| Refusal::of(format!("{FORM}, found {found}"), &bytes);
+        let form = if self.asked.observe.is_some() { FORM_OBSERVING } else { FORM };
+        let wrong = |found: &str| Refusal::of(format!("{form}, found {found}"), &bytes);
         let answered: Answered = serde_json::from_slice(&bytes).map_err(|error| match error.classify() {
             serde_json::error::Category::Data => wrong("other fields"),
             _ => wrong("a line that is no JSON object"),
@@ -187,18 +122,22 @@ impl<'p> Planner<'p> {
         if answered.step.is_some_and(|step| step != view.decision()) {
             return Err(wrong("an answer to another step"));
         }
-        match answered {
-            Answered {
-                acceleration_mps2: Some(acceleration_mps2),
-                steering_rad: Some(steering_rad),
-                trajectory: None,
-                ..
-            } => Ok(Control::Drive { acceleration_mps2, steering_rad }),
-            Answered { acceleration_mps2: None, steering_rad: None, trajectory: Some(points), .. }
-                if !points.is_empty() =>
-            {
-                Ok(along(view, &points))
+        let Answered { acceleration_mps2, steering_rad, trajectory, action, abandon, .. } = answered;
+        match (acceleration_mps2.zip(steering_rad), trajectory, action, abandon) {
+            (Some((acceleration_mps2, steering_rad)), None, None, None) => {
+                Ok(Wish::Drive(Control::Drive { acceleration_mps2, steering_rad }))
             }
+            (None, Some(points), None, None) if !points.is_empty() => Ok(Wish::Drive(along(view, &points))),
+            (None, None, Some(action), None) => match self.asked.observe {
+                Some(setting) => Ok(Wish::Drive(setting.control(view, action))),
+                None => {
+                    Err(wrong("an action, which driver.observe = \"metadrive-1\" or \"safebench-1\" gives a meaning"))
+                }
+            },
+            (None, None, None, Some(word)) => match is_word(&word) {
+                true => Ok(Wish::Abandon(word)),
+                false => Err(Refusal::of(WORD, &bytes)),
+            },
             _ => Err(wrong("neither of them, or both")),
         }
     }
@@ -206,6 +145,10 @@ impl<'p> Planner<'p> {
 
 /// What an answer has to be.
 const FORM: &str = "expected {\"acceleration_mps2\": .., \"steering_rad\": ..} or {\"trajectory\": [[x, y], ..]}";
+/// The same where [driver] names an observation.
+const FORM_OBSERVING: &str = "expected {\"action\": [steering, pedal]}, {\"acceleration_mps2\": .., \"steering_rad\": ..} or {\"trajectory\": [[x, y], ..]}";
+/// What stands in place of a decision where a scene is abandoned.
+const WORD: &str = "expected {\"abandon\": \"word\"} with 1 to 40 letters, digits, - or _, found something else";
 /// Said of a line that is there when all were answered.
 const AFTER: &str =
     "expected no more lines, found one that nobody asked for; print one line a `step`, and none for `begin` and `end`";
@@ -214,85 +157,30 @@ const BEFORE: &str = "expected one line an answer, found one that came before th
 
 impl Driver for Planner<'_> {
     fn begin(&mut self, plant: &Plant) {
-        let (scene, limits, size) = (plant.scene(), plant.limits(), &plant.scene().ego.track);
-        let message = Message::Begin {
-            scene: plant.scene_id(),
-            dt_s: DT_S,
-            seed: self.seed.0,
-            steps: plant.steps(),
-            target_speed_mps: plant.target_speed_mps(),
-            ego: CarLimits {
-                length_m: size.length_m,
-                width_m: size.width_m,
-                steering_rad_max: limits.steering_rad,
-                acceleration_mps2_max: limits.engine_mps2,
-                brake_mps2_max: limits.brake_mps2,
-                speed_mps_max: limits.speed_mps,
-            },
-            route: plant.route().points(),
-            lanes: &scene.road.lanes,
-            edges: &scene.road.edges,
-            crosswalks: &scene.crosswalks,
-            stop_signs: &scene.stop_signs,
-            lights: scene.lights.iter().map(|l| LightPlace { lane: l.lane, stop_point: l.stop_point }).collect(),
-        };
-        self.say(&message);
+        self.say(&begun(plant, self.seed, &self.asked));
     }
 
     fn decide(&mut self, view: &View<'_>) -> Control {
-        self.ask(view).unwrap_or_else(|Refusal { reason, printed, late }| {
-            let k = view.decision();
-            let reason = format!("decision {k} ({:.1} s): {reason}", k as f64 * DT_S);
-            self.broken = Some(Refusal { reason, printed, late });
-            // The simulator refuses this, which ends the rollout.
-            Control::Drive { acceleration_mps2: f64::NAN, steering_rad: f64::NAN }
-        })
+        let k = view.decision();
+        match self.ask(view) {
+            Ok(Wish::Drive(control)) => return control,
+            Ok(Wish::Abandon(word)) => self.abandoned = Some((k, word)),
+            Err(Refusal { reason, printed, late }) => {
+                let reason = format!("decision {k} ({:.1} s): {reason}", k as f64 * DT_S);
+                self.broken = Some(Refusal { reason, printed, late });
+            }
+        }
+        // The simulator refuses this, which ends the rollout.
+        Control::Drive { acceleration_mps2: f64::NAN, steering_rad: f64::NAN }
     }
 
     fn finish(&mut self, view: &View<'_>, end: End) {
-        self.say(&Message::End { end, steps: view.decision() });
-        if let (None, Ok(bytes)) = (&self.broken, self.line.receive(UNASKED)) {
-            let reason = format!("behind decision {}: {AFTER}", view.decision());
-            self.broken = Some(Refusal::of(reason, &bytes));
+        let steps = view.decision();
+        if self.asked.labels {
+            self.ended = Some((end, steps));
+        } else {
+            self.close(steps, &Message::End { end: Ending::Driven(end), steps, labels: None });
         }
-    }
-}
-
-/// Everything that a planner is told at one decision: nothing of the future.
-fn observation(view: &View<'_>, map_m: Option<f64>) -> Message<'static> {
-    let ego = view.ego();
-    let mut near: Vec<(f64, Neighbour)> = Vec::new();
-    view.for_each_within(SIGHT_M, |seen: &Seen| {
-        let neighbour = Neighbour {
-            who: seen.actor,
-            kind: seen.size.kind,
-            position: seen.position,
-            heading_rad: seen.axis.heading(),
-            velocity: seen.velocity,
-            length_m: 2.0 * seen.size.half_length_m,
-            width_m: 2.0 * seen.size.half_width_m,
-        };
-        near.push((seen.position.distance(ego.sample.position), neighbour));
-    });
-    near.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let lights = view.plant().scene().lights.iter();
-    let around = |reach_m| MapNear::around(&view.plant().scene().road, ego.sample.position, reach_m);
-    Message::Step {
-        step: view.decision(),
-        time_s: view.decision() as f64 * DT_S,
-        ego: EgoNow {
-            position: ego.sample.position,
-            heading_rad: ego.sample.heading_rad,
-            velocity: ego.sample.velocity,
-            speed_mps: ego.speed_mps,
-            acceleration_mps2: ego.acceleration_mps2,
-            steering_rad: ego.steering_rad,
-            route_s_m: ego.along.s_m,
-            route_offset_m: ego.along.offset_m,
-        },
-        neighbours: near.into_iter().map(|(_, neighbour)| neighbour).collect(),
-        lights: lights.map(|l| l.states.get(view.step()).copied().unwrap_or(LightState::Unknown)).collect(),
-        map: map_m.map(around),
     }
 }
 

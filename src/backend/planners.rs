@@ -9,13 +9,16 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
-use super::answer::Answer;
+use super::answer::{ABANDONED, Answer};
 use super::crew::Crew;
 use super::driver::{DRIVER_PROTOCOL, DriverOptions};
 use super::error::{BackendError, Fault, NoOutcome, TOO_SLOW};
+use super::lines::Asked;
 use super::map_near::REACH_M;
 use super::planner::{Planner, Refusal, why};
 use super::request::{Answers, Request};
+use super::rollouts::judged;
+use super::spec::DRIVER;
 use super::workers::{Line, Start, start_of};
 use crate::kernel::Digest;
 use crate::sim::{ReportedRollout, tell};
@@ -36,12 +39,16 @@ struct HelloLine {
     /// How far around the ego it wants to be told the map at each decision, metres.
     #[serde(default)]
     map_m: Option<f64>,
+    /// Whether it wants to be told what came of a rollout.
+    #[serde(default)]
+    labels: bool,
 }
 
 /// A process that greeted.
 struct Greeted {
     line: Box<dyn Line>,
     map_m: Option<f64>,
+    labels: bool,
 }
 
 /// The planners of an experiment.
@@ -86,7 +93,7 @@ impl<'a> Planners<'a> {
 
     /// One rollout, which another process plays too where it is drawn to be compared. The first one always is: a study may be so
     /// short that none is drawn.
-    fn drive(&self, process: &mut Greeted, request: &Request<'_>) -> Result<ReportedRollout, NoOutcome> {
+    fn drive(&self, process: &mut Greeted, request: &Request<'_>) -> Result<Answer, NoOutcome> {
         let first = self.play(process, request)?;
         self.driven.fetch_add(1, Ordering::Relaxed);
         let share = self.options.repeat_share;
@@ -114,7 +121,7 @@ impl<'a> Planners<'a> {
         &self,
         other: &mut Greeted,
         request: &Request<'_>,
-        first: &ReportedRollout,
+        first: &Answer,
         is_new: bool,
     ) -> Result<(), NoOutcome> {
         let second = self.play(other, request)?;
@@ -150,12 +157,22 @@ impl<'a> Planners<'a> {
         }))
     }
 
-    fn play(&self, process: &mut Greeted, request: &Request<'_>) -> Result<ReportedRollout, NoOutcome> {
-        let mut planner = Planner::new(process.line.as_mut(), self.limit(), request.seed, process.map_m);
+    /// A motion, or why the planner abandoned the scene.
+    fn play(&self, process: &mut Greeted, request: &Request<'_>) -> Result<Answer, NoOutcome> {
+        let (observe, under) = (self.options.observe, request.under);
+        let asked = Asked { map_m: process.map_m, observe, under, labels: process.labels };
+        let mut planner = Planner::new(process.line.as_mut(), self.limit(), request.seed, asked);
         let reported = tell(request.plant, request.intervention, &mut planner);
+        let abandoned = planner.abandoned();
+        if let (true, Ok(reported)) = (planner.awaits_labels(), &reported) {
+            planner.tell_labels(&judged(DRIVER, request, reported)?.0);
+        }
         let stopped = planner.was_stopped();
         match planner.broken() {
-            None => Ok(reported?),
+            None => match abandoned {
+                Some(reason) => Ok(Answer::Failed(format!("{ABANDONED}{}`, {reason}", self.command()))),
+                None => Ok(Answer::ReportedRollout(reported?)),
+            },
             // A failure of its scene would be recorded.
             Some(Refusal { reason, .. }) if stopped => Err(NoOutcome::Stop(BackendError::Worker(Fault {
                 command: self.command(),
@@ -203,8 +220,8 @@ impl<'a> Planners<'a> {
         let limit = Duration::from_secs_f64(GREETING_S.max(self.options.timeout_s));
         let said = match line.receive(limit) {
             Ok(bytes) => match serde_json::from_slice::<HelloLine>(&bytes) {
-                Ok(HelloLine { evodrive_driver: DRIVER_PROTOCOL, map_m }) if fits(map_m) => {
-                    return Ok(Greeted { line, map_m });
+                Ok(HelloLine { evodrive_driver: DRIVER_PROTOCOL, map_m, labels }) if fits(map_m) => {
+                    return Ok(Greeted { line, map_m, labels });
                 }
                 _ => start_of(&bytes),
             },
@@ -231,7 +248,7 @@ impl Answers for Planners<'_> {
         // Whatever went wrong, nobody knows what the process would say next.
         self.crew.give_back(driven.is_ok().then_some(line));
         match driven {
-            Ok(reported) => Ok(Answer::ReportedRollout(reported)),
+            Ok(answer) => Ok(answer),
             Err(NoOutcome::Scene(reason)) => Ok(Answer::Failed(reason)),
             Err(NoOutcome::Stop(BackendError::Worker(fault))) => Err(self.crew.stop(fault).into()),
             Err(NoOutcome::Stop(BackendError::Planner(fault))) => Err(BackendError::planner(self.crew.stop(*fault))),
@@ -275,11 +292,18 @@ fn drawn(key: &Digest, share: f64) -> bool {
     f64::from(drawn) < share * 4_294_967_296.0
 }
 
-/// Where two motions of one rollout part, in words.
-fn difference(first: &ReportedRollout, second: &ReportedRollout) -> Option<(String, String)> {
+/// Where two answers to one request part, in words.
+fn difference(first: &Answer, second: &Answer) -> Option<(String, String)> {
     if first == second {
         return None;
     }
+    let driven = |answer: &Answer| match answer {
+        Answer::ReportedRollout(reported) => format!("a drive of {} decisions", reported.ego.len().saturating_sub(1)),
+        Answer::Failed(reason) => reason.clone(),
+    };
+    let (Answer::ReportedRollout(first), Answer::ReportedRollout(second)) = (first, second) else {
+        return Some((driven(first), driven(second)));
+    };
     let place = |reported: &ReportedRollout, row: usize| match reported.ego.get(row) {
         Some(pose) => {
             let at = pose.sample.position;

@@ -11,8 +11,8 @@ use super::request::{Answers, Request};
 use crate::kernel::Digest;
 use crate::store::{MemoKind, Store, StoreError};
 
-/// Records rollouts. A motion goes to the store before it is used, so that a killed recording does not ask twice. Failures
-/// of earlier recordings are asked again.
+/// Records rollouts. A motion goes to the store before it is used, so that a killed recording does not ask twice; so does that a
+/// driver abandoned the scene, which is its decision. Failures of earlier recordings are asked again.
 pub struct Recorder<'a> {
     store: &'a Store,
     /// What was recorded before; nothing for a fresh recording.
@@ -33,15 +33,17 @@ impl<'a> Recorder<'a> {
     /// What was asked, and how many of it failed.
     pub fn cassette(&self) -> (RolloutCassette, usize) {
         let collected = self.collected.lock().unwrap_or_else(PoisonError::into_inner);
-        let failed = collected.values().filter(|recorded| matches!(recorded.answer, Answer::Failed(_))).count();
+        let failed = collected.values().filter(|recorded| !recorded.answer.is_settled()).count();
         let mut cassette = RolloutCassette::new(self.before.file.clone(), self.before.backend.clone());
         collected.iter().for_each(|(key, recorded)| cassette.insert(*key, recorded.clone()));
         (cassette, failed)
     }
 
     fn find(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
-        if let Some(Recorded { answer: Answer::ReportedRollout(rollout), .. }) = self.before.get(&request.key) {
-            return Ok(Answer::ReportedRollout(rollout.clone()));
+        if let Some(Recorded { answer, .. }) = self.before.get(&request.key)
+            && answer.is_settled()
+        {
+            return Ok(answer.clone());
         }
         let memo = Digest::of("evodrive/backend-answer/1", &(&self.fresh, request.key))?;
         if let Some(object) = self.store.memo_get(MemoKind::Rollout, &memo) {
@@ -52,7 +54,7 @@ impl<'a> Recorder<'a> {
             }
         }
         let answer = self.asked.answer(request)?;
-        if let Answer::ReportedRollout(_) = answer {
+        if answer.is_settled() {
             let object = self.store.put(&AnswerLine::of(request.key, &answer).to_bytes())?;
             match self.store.memo_put(MemoKind::Rollout, &memo, &object) {
                 // Two threads may ask the same at once; a backend that is no function shows itself at the next recording.

@@ -8,6 +8,7 @@ use serde_json::Value;
 use super::answer::Answer;
 use super::error::BackendError;
 use super::spec::BackendOptions;
+use super::under::Under;
 use crate::ego::Policy;
 use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::scene::{AgentKind, Sample, Scene};
@@ -25,6 +26,8 @@ pub struct Request<'a> {
     /// Whether the ego repeats its recording.
     pub replays: bool,
     pub(super) seed: Seed,
+    /// Under which program, for planners that are told.
+    pub(super) under: Option<Under>,
     options: &'a BTreeMap<String, Value>,
 }
 
@@ -69,12 +72,17 @@ impl<'a> Request<'a> {
         plant: &'a Plant,
         intervention: &'a Intervention,
         ego: &'a Policy,
-        seed: Seed,
+        (seed, under): (Seed, Under),
     ) -> Result<Request<'a>, CanonError> {
         let asked = (plant.scene().digest(), ego.digest(), seed, intervention);
-        let key = Digest::of("evodrive/backend-request/1", &(PROTOCOL, backend.key()?, asked))?;
+        // Programs that command the same motion share a rollout, unless the driver is told which of them it is.
+        let under = (!backend.is_blind()).then_some(under);
+        let key = match under {
+            None => Digest::of("evodrive/backend-request/1", &(PROTOCOL, backend.key()?, asked))?,
+            Some(under) => Digest::of("evodrive/backend-request/2", &(PROTOCOL, backend.key()?, asked, under))?,
+        };
         let replays = ego.driver().follows_log();
-        Ok(Request { key, plant, intervention, ego: ego.name(), replays, seed, options: &backend.options })
+        Ok(Request { key, plant, intervention, ego: ego.name(), replays, seed, under, options: &backend.options })
     }
 
     /// The scene's id, for messages.

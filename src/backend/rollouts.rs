@@ -5,9 +5,12 @@ use super::error::{BackendError, Fault, NoOutcome};
 use super::lower::{as_driven, lowered, unstaged};
 use super::request::{Answers, Request};
 use super::spec::BackendOptions;
+use super::under::Under;
 use crate::ego::Policy;
 use crate::kernel::Seed;
-use crate::sim::{Intervention, Outcome, Plant, Trace, assess, judge, rollout_assessed, rollout_traced};
+use crate::sim::{
+    Intervention, Outcome, Plant, ReportedRollout, Trace, assess, judge, rollout_assessed, rollout_traced,
+};
 
 /// Who simulates the rollouts of a run.
 #[derive(Clone, Copy)]
@@ -32,17 +35,17 @@ impl Backend<'_> {
         }
     }
 
-    /// The outcome of one rollout, its contact assessed.
+    /// The outcome of one rollout, its contact assessed. [`Under`] says of which program the intervention is: planners may ask.
     pub fn rollout(
         &self,
         plant: &Plant,
         intervention: &Intervention,
         ego: &Policy,
-        seed: Seed,
+        drawn: (Seed, Under),
     ) -> Result<Outcome, NoOutcome> {
         match self.asked(ego)? {
             Backend::Own => Ok(rollout_assessed(plant, intervention, ego.driver().as_mut())?),
-            Backend::Other { .. } => self.traced(plant, intervention, ego, seed).map(|(outcome, _)| outcome),
+            Backend::Other { .. } => self.traced(plant, intervention, ego, drawn).map(|(outcome, _)| outcome),
         }
     }
 
@@ -52,7 +55,7 @@ impl Backend<'_> {
         plant: &Plant,
         intervention: &Intervention,
         ego: &Policy,
-        seed: Seed,
+        drawn: (Seed, Under),
     ) -> Result<(Outcome, Trace), NoOutcome> {
         let Backend::Other { options, answers } = self.asked(ego)? else {
             let mut driver = ego.driver();
@@ -67,20 +70,28 @@ impl Backend<'_> {
         } else {
             lowered(plant, intervention, ego)?
         };
-        let request = Request::new(options, plant, &intervention, ego, seed).map_err(BackendError::Key)?;
+        let request = Request::new(options, plant, &intervention, ego, drawn).map_err(BackendError::Key)?;
         match answers.answer(&request)? {
             Answer::Failed(reason) => Err(NoOutcome::Scene(reason)),
-            Answer::ReportedRollout(rollout) => {
-                judge(plant, &as_driven(plant, &intervention, &rollout), &rollout, request.replays).map_err(|error| {
-                    NoOutcome::Stop(BackendError::Worker(Fault {
-                        command: options.name.clone(),
-                        place: format!("recorded answer to request {}", request.key.short(16)),
-                        expected: "a motion of the scene".into(),
-                        found: error.to_string(),
-                        remedy: "record it anew".into(),
-                    }))
-                })
-            }
+            Answer::ReportedRollout(rollout) => judged(&options.name, &request, &rollout),
         }
     }
+}
+
+/// What a rollout that somebody reported comes to.
+pub(super) fn judged(
+    name: &str,
+    request: &Request<'_>,
+    rollout: &ReportedRollout,
+) -> Result<(Outcome, Trace), NoOutcome> {
+    let Request { plant, intervention, .. } = *request;
+    judge(plant, &as_driven(plant, intervention, rollout), rollout, request.replays).map_err(|error| {
+        NoOutcome::Stop(BackendError::Worker(Fault {
+            command: name.to_string(),
+            place: format!("recorded answer to request {}", request.key.short(16)),
+            expected: "a motion of the scene".into(),
+            found: error.to_string(),
+            remedy: "record it anew".into(),
+        }))
+    })
 }

@@ -75,6 +75,11 @@ impl BackendOptions {
         self.name == DRIVER
     }
 
+    /// Whether whoever drives is not told under which program: all but planners that ask for it.
+    pub fn is_blind(&self) -> bool {
+        is_blind(&self.name, &self.options)
+    }
+
     /// The same backend without the parts that change no answer.
     pub fn content(&self) -> BackendOptions {
         let worker = WorkerOptions { command: Vec::new(), workers: 1, seconds: 1.0, retries: 0 };
@@ -109,7 +114,14 @@ impl BackendOptions {
     }
 }
 
+/// Whether a driver by that name and with those options is not told under which program it drives.
+pub(super) fn is_blind(name: &str, options: &BTreeMap<String, Value>) -> bool {
+    name != DRIVER || options.get(BLIND) != Some(&Value::Bool(false))
+}
+
 /// The name under which rollouts of our own simulator with a planner are recorded.
 pub(super) const DRIVER: &str = "evodrive-driver";
+/// The option of such rollouts that is false where the planner is told under which program it drives.
+pub(super) const BLIND: &str = "blind";
 /// The name of our own simulator in experiment files.
 pub const OWN: &str = "evodrive";

@@ -7,7 +7,7 @@ use super::record::{CacheError, RolloutCache, RolloutRecord, request_key};
 use super::score::{Grouped, benchmark_score, scene_score, score_of, staged_scene_score};
 use std::sync::Arc;
 
-use crate::backend::{BackendError, NoOutcome, is_too_slow};
+use crate::backend::{BackendError, NoOutcome, is_abandoned, is_too_slow};
 use crate::ego::Policy;
 use crate::kernel::{Digest, Seed, Threads, canon::CanonError};
 use crate::objects::{SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
@@ -126,9 +126,13 @@ pub fn label_one(
             let stored = cache.keep(&key, &record)?;
             Ok(Recorded { record: Arc::new(record), key, stored })
         }
-        Err(NoOutcome::Scene(reason)) => {
-            Err(SceneFailure { scene: scene.id.to_string(), too_slow: is_too_slow(&reason), reason })
-        }
+        Err(NoOutcome::Scene(reason)) => Err(failure(scene.id, reason)),
         Err(NoOutcome::Stop(error)) => return Err(error.into()),
     })
+}
+
+/// A scene without a label.
+pub(super) fn failure(scene: &str, reason: String) -> SceneFailure {
+    let (too_slow, abandoned) = (is_too_slow(&reason), is_abandoned(&reason));
+    SceneFailure { scene: scene.to_string(), reason, too_slow, abandoned }
 }

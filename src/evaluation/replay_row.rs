@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use super::calibrate::moves;
+use super::evaluate::failure;
 use super::metrics::{EvaluationOptions, RealismOptions, realism::realism_of};
 use super::protocol::safebench::Runs;
-use crate::backend::{Backend, BackendError, NoOutcome, is_too_slow};
+use crate::backend::{Backend, BackendError, NoOutcome, Under};
 use crate::ego::Policy;
 use crate::kernel::{Seed, Threads, num};
-use crate::objects::SceneFailure;
 use crate::objects::benchmark::SafebenchRun;
 use crate::objects::replay::{ReplayRow, ReplayScene, Replayed, Suite};
 use crate::scene::{AgentKind, PreparedScene};
@@ -48,8 +48,7 @@ pub fn replay_row(
                 run.zip(staging).into_iter().for_each(|(run, group)| runs.add(group, run));
             }
             Err(NoOutcome::Scene(reason)) => {
-                let too_slow = is_too_slow(&reason);
-                failures.push(SceneFailure { scene: scene.scene.id.clone(), reason, too_slow });
+                failures.push(failure(&scene.scene.id, reason));
             }
             Err(NoOutcome::Stop(error)) => return Err(error),
         }
@@ -75,7 +74,8 @@ fn play(
 ) -> Result<(ReplayScene, Option<SafebenchRun>), NoOutcome> {
     let scene = prepared.scene.id.clone();
     let plant = Plant::with_options(prepared.clone(), playing.simulator)?;
-    let outcome = playing.backend.rollout(&plant, &Intervention::default(), playing.ego, playing.seed)?;
+    let drawn = (playing.seed, Under::Plain);
+    let outcome = playing.backend.rollout(&plant, &Intervention::default(), playing.ego, drawn)?;
     let (realism, run) = match playing.evaluation {
         EvaluationOptions::Metadrive(options) => (recorded_realism(&plant, &options.realism), None),
         EvaluationOptions::Safebench { safebench } => (None, SafebenchRun::of(&outcome, &safebench.ars)),

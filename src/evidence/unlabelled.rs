@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use super::RecordedRun;
 use crate::objects::event::LineageResult;
-use crate::objects::{SceneFailure, SolutionId, too_slow};
+use crate::objects::{SceneFailure, SolutionId, abandoned, too_slow};
 use crate::text::counted;
 
 /// One sentence a lineage in which parent or evolved program has no label in some held-out scene, and one in which somebody who was
@@ -40,20 +40,19 @@ fn note(run: &RecordedRun, lineage: &LineageResult) -> Option<String> {
     let (parent, evolved) = (failed(&lineage.parent.solution), failed(&lineage.evolved.solution));
     let first = parent.first().or(evolved.first())?;
     let all = lineage.held_out_scenes;
-    let slow = [parent, evolved].map(too_slow);
-    let slow = match slow {
+    let apart = |did: &str, counts: [usize; 2]| match counts {
         [0, 0] => String::new(),
         [parent, evolved] => {
-            format!(
-                " The driver was too slow, which is neither a crash nor a success, in {parent} and {evolved} of them."
-            )
+            format!(" The driver {did}, which is neither a crash nor a success, in {parent} and {evolved} of them.")
         }
     };
+    let slow = apart("was too slow", [parent, evolved].map(too_slow));
+    let gave_up = apart("abandoned the scene", [parent, evolved].map(abandoned));
     let [parent, evolved] = [parent, evolved].map(|failed| all.saturating_sub(failed.len()));
     Some(format!(
         "{}: of {} the parent is labelled in {parent} and the evolved program in {evolved}, and their numbers are \
          over these scenes only; {} has no label, because {}. A driver that fails in difficult scenes looks safer than it is; `evodrive table` \
-         pairs the scenes in which both have labels, `evodrive data` lists the others (table unlabelled).{slow}",
+         pairs the scenes in which both have labels, `evodrive data` lists the others (table unlabelled).{slow}{gave_up}",
         lineage.lineage,
         counted(all, "held-out scene"),
         first.scene,

@@ -2,6 +2,7 @@
 
 use super::key::{Key, Need, Range};
 use crate::archive::search::Method;
+use crate::ego::Setting;
 use crate::families;
 use crate::llm::client::{ANTHROPIC, COMMAND, DRAWN, EXCHANGE, OPENAI_COMPATIBLE, SCRIPTED};
 use crate::scene::safebench::TrafficFamily;
@@ -523,6 +524,20 @@ fn driver() -> Vec<Key> {
                 "",
                 SHARE,
                 "Share of the rollouts that another process plays again when they are recorded, to compare; 0.05 without it.",
+            ),
+            (
+                "driver.observe",
+                "",
+                "",
+                Word(|| words(Setting::ALL.map(Setting::name))),
+                "Observation that each step holds, too (docs/EGOS.md).",
+            ),
+            (
+                "driver.blind",
+                "",
+                "",
+                Truth,
+                "Whether the planner hears of no program; true without it.",
             ),
             ("driver.digest", "", "", Text(64), "Identity of the program; needed where its files are not at hand."),
             (

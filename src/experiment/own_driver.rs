@@ -8,6 +8,7 @@ use super::options::COMMAND;
 use super::place::Place;
 use super::{Experiment, ExperimentError, OptionError};
 use crate::backend::{DriverOptions, RolloutCassette};
+use crate::ego::Setting;
 use crate::kernel::Digest;
 use crate::store;
 
@@ -41,7 +42,8 @@ pub fn inline(table: &mut Table, place: &Place) -> Result<bool, ExperimentError>
         Some(Ok(digest)) => Some(digest),
         Some(Err(error)) => return Err(refuse("digest", error.to_string(), "64 hex digits, or nothing")),
     };
-    let digest = match (found(&command, &files, place), declared) {
+    let heard = heard(driver).map_err(|(field, found, expected)| refuse(field, found, expected))?;
+    let digest = match (found(&command, &files, heard, place), declared) {
         (Ok(digest), Some(declared)) if digest != declared => {
             let expected = format!("{digest}, which the files and arguments have; write it, or restore the program");
             return Err(refuse("digest", declared.to_hex(), &expected));
@@ -80,8 +82,28 @@ fn texts(driver: &Table, key: &str) -> Option<Vec<String>> {
     driver.get(key)?.as_array()?.iter().map(|value| value.as_str().map(String::from)).collect()
 }
 
+/// What the planner is told beyond what every one is; otherwise the key, what it holds and what was expected.
+fn heard(driver: &Table) -> Result<(Option<Setting>, bool), (&'static str, String, &'static str)> {
+    let observe = match driver.get("observe") {
+        None => None,
+        Some(value) => match Setting::ALL.into_iter().find(|setting| value.as_str() == Some(setting.name())) {
+            Some(setting) => Some(setting),
+            None => return Err(("observe", value.to_string(), "\"metadrive-1\" or \"safebench-1\" (docs/EGOS.md)")),
+        },
+    };
+    match driver.get("blind").map_or(Some(true), Value::as_bool) {
+        Some(blind) => Ok((observe, blind)),
+        None => Err(("blind", driver.get("blind").map_or_else(String::new, Value::to_string), "true or false")),
+    }
+}
+
 /// The identity of a program whose files are at hand, or what is not.
-fn found(command: &[String], files: &[String], place: &Place) -> Result<Digest, String> {
+fn found(
+    command: &[String],
+    files: &[String],
+    heard: (Option<Setting>, bool),
+    place: &Place,
+) -> Result<Digest, String> {
     let mut read = Vec::with_capacity(files.len());
     for name in files {
         let path = place.path_beside(Path::new(name));
@@ -90,7 +112,7 @@ fn found(command: &[String], files: &[String], place: &Place) -> Result<Digest, 
         let own = Path::new(name).file_name().map_or_else(|| name.clone(), |own| own.to_string_lossy().into_owned());
         read.push((own, Digest::of_bytes(&bytes)));
     }
-    DriverOptions::identity(command, &read).map_err(|error| error.to_string())
+    DriverOptions::identity(command, &read, heard).map_err(|error| error.to_string())
 }
 
 /// Gives lineages whose ego is a program that program, and the experiment the backend that plays with it.

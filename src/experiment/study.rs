@@ -1,6 +1,6 @@
 //! From an experiment and its scenes to the study that a run carries out.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::{Experiment, ExperimentError, models};
@@ -87,7 +87,7 @@ impl Experiment {
         let text = |f: &Source| (f.contract.family.clone(), contract_text(&f.contract));
         let used = |f: &&Source| lineages.iter().any(|spec| spec.family == f.contract.family);
         let contract_texts = sources.iter().filter(used).map(text).collect();
-        let study = Study {
+        let mut study = Study {
             name: self.name.clone(),
             experiment: self.digest()?,
             seed: Seed(self.seed),
@@ -97,6 +97,7 @@ impl Experiment {
             pool_digest,
             provenance,
             lineages,
+            parents: BTreeSet::new(),
             contract_texts,
             registry: sources.registry(),
             sources,
@@ -124,9 +125,11 @@ impl Experiment {
             composition: self.composition.clone(),
             counsel: self.counsel,
         };
-        for lineage in &study.lineages {
-            study.parent(lineage).map_err(|error| self.problem(error))?;
-        }
+        let hash = |lineage: &LineageSpec| {
+            let parent = study.parent(lineage).map_err(|error| self.problem(error))?;
+            parent.hash().map_err(|error| self.problem(error))
+        };
+        study.parents = study.lineages.iter().map(hash).collect::<Result<_, _>>()?;
         Ok(study)
     }
 }

@@ -37,7 +37,7 @@ pub use patch::{EDITABLE_SURFACE, Operation, OperationKind, ProgramPatch};
 pub use pointer::Pointer;
 pub use program::*;
 pub use review::{Advice, Review, Role};
-pub use score::{Met, Objectives, RealismSums, SceneFailure, SceneScore, Score, realism_name, too_slow};
+pub use score::{Met, Objectives, RealismSums, SceneFailure, SceneScore, Score, abandoned, realism_name, too_slow};
 pub use value_type::ValueType;
 pub use world::*;
 pub use world_audit::*;

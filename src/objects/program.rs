@@ -206,13 +206,23 @@ impl Program {
     /// ancestors.
     pub fn adopted(&self, lineage: &LineageId) -> Program {
         Program {
-            solution_id: SolutionId(format!("{lineage}/parent")),
+            solution_id: parent_of(lineage),
             lineage_id: lineage.clone(),
             generation: 0,
             ancestor_chain: Vec::new(),
             ..self.clone()
         }
     }
+
+    /// Whether its lineage begins with it.
+    pub fn is_parent(&self) -> bool {
+        self.solution_id == parent_of(&self.lineage_id)
+    }
+}
+
+/// The name of the program with which a lineage begins.
+fn parent_of(lineage: &LineageId) -> SolutionId {
+    SolutionId(format!("{lineage}/parent"))
 }
 
 /// Modules with their expressions in canonical text; one that does not parse keeps its own text.

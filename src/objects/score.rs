@@ -185,9 +185,17 @@ pub struct SceneFailure {
     /// Whether the driver under test took too long for a decision: neither a crash nor a success.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub too_slow: bool,
+    /// Whether the driver under test abandoned the scene: likewise.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub abandoned: bool,
 }
 
 /// In how many of these scenes the driver was too slow.
 pub fn too_slow(failures: &[SceneFailure]) -> usize {
     failures.iter().filter(|failure| failure.too_slow).count()
+}
+
+/// How many of these scenes the driver abandoned.
+pub fn abandoned(failures: &[SceneFailure]) -> usize {
+    failures.iter().filter(|failure| failure.abandoned).count()
 }

@@ -94,6 +94,13 @@ pub struct Case {
     pub label: Outcome,
 }
 
+impl Member {
+    /// Whether it is its family's own parent.
+    pub fn is_parent(&self) -> bool {
+        self.origins.is_empty()
+    }
+}
+
 impl Case {
     /// The class of the frozen contact.
     pub fn class(&self) -> &'static str {
@@ -107,6 +114,11 @@ pub fn class_of(outcome: &Outcome) -> &'static str {
 }
 
 impl Suite {
+    /// The program of a case; none where nobody is moved.
+    pub fn program(&self, case: &Case) -> Option<&Member> {
+        self.programs.get(case.program?)
+    }
+
     /// The first thing that does not fit together, as its place and what was expected.
     pub fn fault(&self) -> Option<(String, String)> {
         let mut ids = std::collections::BTreeSet::new();

@@ -14,6 +14,8 @@ pub enum FaultKind {
     TooSlow,
     /// It answered something that is no decision.
     Junk,
+    /// It did not want to drive.
+    Abandoned,
     /// Another process of it answered the same question differently.
     Inconsistent,
 }
@@ -26,6 +28,7 @@ impl FaultKind {
             FaultKind::Ended => "ended",
             FaultKind::TooSlow => "too slow",
             FaultKind::Junk => "junk",
+            FaultKind::Abandoned => "abandoned",
             FaultKind::Inconsistent => "inconsistent",
         }
     }
@@ -38,6 +41,9 @@ impl FaultKind {
         // Who is late is named first.
         if reason.starts_with("too slow: ") {
             return Some(FaultKind::TooSlow);
+        }
+        if reason.starts_with("abandoned: planner `") {
+            return Some(FaultKind::Abandoned);
         }
         if !reason.starts_with("planner `") {
             return None;

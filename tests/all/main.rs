@@ -36,6 +36,7 @@ mod naming_runs;
 mod not_losing_work;
 mod openevolve;
 mod own_ego;
+mod own_ego_asked;
 mod own_ego_page;
 mod own_metrics;
 mod parents;

@@ -292,13 +292,16 @@ fn a_planner_that_gives_no_drive_is_named_and_counted_apart_and_never_passes() {
         ("junk", with(&format!("{here} sys.__stdout__.write('hello\\n'); sys.__stdout__.flush()")), 10.0),
         ("too_slow", with(&format!("{here} time.sleep(30)")), 0.5),
         ("inconsistent", with(&format!("{here} return random.random(), 0.0")), 10.0),
+        ("abandoned", with(&format!("{here} import evodrive_driver; raise evodrive_driver.Abandon('no-lane')")), 10.0),
     ];
     for (kind, line, seconds) in kinds {
+        // Who is told more is replayed without the planner, too.
+        let more = if kind == "abandoned" { "observe = \"metadrive-1\"\nblind = false\n" } else { "" };
         let (folder, path) = planner("planner.py", &[(decide, &line)]);
         begun_with(&path, "import random, sys, time\n");
         let table = format!(
             "[driver]\ncommand = [\"python3\", \"planner.py\"]\nfiles = [\"planner.py\", \"evodrive_driver.py\"]\ncassette = \"x\"\n\
-             timeout_s = {seconds}\nrepeat_share = 1.0\n"
+             timeout_s = {seconds}\nrepeat_share = 1.0\n{more}"
         );
         std::fs::write(folder.path().join("planner.toml"), table).unwrap();
         let word = folder.path().join("planner.toml").display().to_string();

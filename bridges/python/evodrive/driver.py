@@ -1,8 +1,16 @@
 """Drive EvoDrive's ego from Python: this one file, no package. docs/EGOS.md describes the lines.
 
-Give `serve` an object with a method `decide(scene, step)`, and if it keeps anything with a method `begin(scene)` that
-forgets it. With an attribute `map_m` each step also holds the map within so many metres. Both arguments are the dictionaries of the protocol. `decide` returns `(acceleration_mps2, steering_rad)`, or a list
-of points `[x, y]` where the car is to be 0.1 s, 0.2 s ... from now.
+Give `serve` an object with a method `decide(scene, step)`; both arguments are the dictionaries of the protocol. It returns
+`(acceleration_mps2, steering_rad)`, a list of points `[x, y]` where the car is to be 0.1 s, 0.2 s ... from now, or, where
+`[driver] observe` names an observation (`step["observation"]`), an `Action(steering, pedal)`. It may raise `Abandon("word")`.
+What else the object may have:
+
+    begin(scene)    called before a rollout; it forgets what was kept. `scene["under"]` says under which program it is driven,
+                    with `[driver] blind = false`
+    end(scene, end) called behind it: `end["end"]`, `end["steps"]`, `end["labels"]` (collision, contact_class, adversary,
+                    preventable, route_completion) and `end["outcome"]`, all that a record holds; without the last two where the
+                    policy abandoned the scene
+    map_m           metres around the ego within which each step also holds the map
 
 A run is only worth something if it comes out the same again: seed every random number from `scene["seed"]` in `begin`, and
 keep nothing from one rollout to the next. EvoDrive plays a share of the rollouts again, in another process, and stops if they
@@ -11,7 +19,26 @@ differ: so does what hangs on the order of a set of texts, or on `hash()` of one
 
 import json
 import math
+import re
 import sys
+from typing import NamedTuple
+
+
+class Action(NamedTuple):
+    """Steering, positive to the left, and pedal, positive forwards, from -1 to 1: as a network of that observation answers."""
+
+    steering: float
+    pedal: float
+
+
+class Abandon(Exception):
+    """Raised in `begin` or `decide` where a policy does not want to drive, with one word that says why: the scene then has no
+    label, is counted as abandoned, and the word is recorded. The next scene goes on in the same process."""
+
+    def __init__(self, word="unnamed"):
+        if not re.fullmatch(r"[A-Za-z0-9_-]{1,40}", word):
+            raise ValueError(f"a scene is abandoned with {word!r}; expected one word of 1 to 40 letters, digits, - or _")
+        super().__init__(word)
 
 
 def serve(policy):
@@ -20,22 +47,37 @@ def serve(policy):
     hello = {"evodrive_driver": 1}
     if getattr(policy, "map_m", None):
         hello["map_m"] = policy.map_m
+    if hasattr(policy, "end"):
+        hello["labels"] = True
     _say(out, hello)
-    scene = None
+    scene = abandoned = None
     for line in sys.stdin:
         told = json.loads(line)
         if told["type"] == "begin":
-            scene = told
+            scene, abandoned = told, None
             if hasattr(policy, "begin"):
-                policy.begin(scene)
+                try:
+                    policy.begin(scene)
+                except Abandon as why:
+                    abandoned = why
         elif told["type"] == "step":
-            _say(out, _answered(policy.decide(scene, told), told))
+            try:
+                if abandoned:
+                    raise abandoned
+                message = _answered(policy.decide(scene, told), told)
+            except Abandon as why:
+                message = {"abandon": str(why)}
+            _say(out, message)
+        elif told["type"] == "end" and hasattr(policy, "end"):
+            policy.end(scene, told)
 
 
 def _answered(answer, step):
     """The line for what a policy decided. A number that is none is refused here, where its author reads what it was."""
     try:
-        if isinstance(answer, tuple):
+        if isinstance(answer, Action):
+            message, numbers = {"action": [float(value) for value in answer]}, answer
+        elif isinstance(answer, tuple):
             acceleration_mps2, steering_rad = map(float, answer)
             message, numbers = {"acceleration_mps2": acceleration_mps2, "steering_rad": steering_rad}, answer
         else:
@@ -45,8 +87,8 @@ def _answered(answer, step):
         numbers = [math.nan]
     if not numbers or not all(math.isfinite(value) for value in numbers):
         sys.exit(
-            f"decide answered {answer!r} at {step['time_s']:.1f} s; expected (acceleration_mps2, steering_rad) or a list of "
-            "points [x, y], all of them finite numbers"
+            f"decide answered {answer!r} at {step['time_s']:.1f} s; expected (acceleration_mps2, steering_rad), a list of "
+            "points [x, y] or an Action(steering, pedal), all of them finite numbers"
         )
     return message
 

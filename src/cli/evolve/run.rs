@@ -273,8 +273,12 @@ fn keep_rollouts(
     all.save(path, &name)?;
     let beside = if others == 0 { String::new() } else { format!(", besides {others} of other recordings") };
     recorder.compared().into_iter().for_each(progress);
+    let abandoned = match own.abandoned() {
+        0 => String::new(),
+        count => format!(", the planner abandoned {count}"),
+    };
     progress(format!(
-        "recorded {} in {}{beside}; {failed} of them failed",
+        "recorded {} in {}{beside}; {failed} of them failed{abandoned}",
         counted(own.len(), "rollout"),
         path.display()
     ));

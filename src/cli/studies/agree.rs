@@ -5,7 +5,7 @@ use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use crate::backend::{Answers, Backend, NoOutcome, Replay};
+use crate::backend::{Answers, Backend, NoOutcome, Replay, Under};
 use crate::cli::evolve::behind;
 use crate::cli::records::{folder::RunFolder, run_name::TwoRuns};
 use crate::cli::terminal::answer::{Answer, progress};
@@ -244,7 +244,7 @@ fn play(first: &Run, second: &Run, players: &[Player<'_>; 2], case: &Case<'_>) -
 fn unchanged(run: &Run, spec: &LineageSpec, place: usize) -> Result<(Outcome, Trace), String> {
     let prepared = run.study.scenes[place].prepared.clone();
     let plant = Plant::with_options(prepared, &run.study.simulator).map_err(|error| error.to_string())?;
-    let played = run.backend().traced(&plant, &Intervention::default(), &spec.ego, run.study.seed);
+    let played = run.backend().traced(&plant, &Intervention::default(), &spec.ego, (run.study.seed, Under::Plain));
     played.map_err(NoOutcome::reason)
 }
 

@@ -43,10 +43,13 @@ pub fn broken(scenes: &[String], (replay, parent, program): (&Replayed, &Score, 
 
 const NOBODY: &str = "-";
 /// What stands where nobody knows whether somebody would have been met.
-const NO_LABEL: [&str; 2] = ["no label", "too slow"];
+const NO_LABEL: [&str; 3] = ["no label", "too slow", "abandoned"];
 
 fn unlabelled(failures: &[SceneFailure]) -> impl Iterator<Item = (&str, String)> {
-    failures.iter().map(|of| (of.scene.as_str(), NO_LABEL[usize::from(of.too_slow)].to_string()))
+    failures.iter().map(|of| {
+        let why = usize::from(of.too_slow) + 2 * usize::from(of.abandoned);
+        (of.scene.as_str(), NO_LABEL[why].to_string())
+    })
 }
 
 /// What was met in each scene: the class of the contact, who it was, and whether a careful driver avoids it.

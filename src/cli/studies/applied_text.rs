@@ -16,7 +16,7 @@ use crate::experiment::ProgramFile;
 use crate::kernel::{Digest, Seed};
 use crate::objects::event::Versions;
 use crate::objects::replay::Replayed;
-use crate::objects::{Origin, SceneFailure, too_slow};
+use crate::objects::{Origin, SceneFailure, abandoned, too_slow};
 use crate::sim::SIM_VERSION;
 use crate::text::counted;
 
@@ -88,6 +88,10 @@ pub fn answer(of: &Comparison, written: &Written, broken: Option<&[Broken]>) -> 
             "replay": too_slow(&of.replay.failures), "parent": too_slow(&of.parent.score.failures),
             "program": too_slow(&of.program.score.failures),
         },
+        "abandoned": {
+            "replay": abandoned(&of.replay.failures), "parent": abandoned(&of.parent.score.failures),
+            "program": abandoned(&of.program.score.failures),
+        },
         "broken": broken.map(applied_broken::to_json),
         "tables": tables.iter().map(Table::json).collect::<Vec<_>>(),
         "notes": notes,
@@ -134,15 +138,20 @@ fn text(of: &Comparison, tables: &[Table], notes: &[String]) -> String {
     let failures = |failures: &[SceneFailure]| -> Vec<String> {
         failures.iter().map(|failure| format!("{}: {}", failure.scene, failure.reason)).collect()
     };
-    let slow = [&of.replay.failures, &of.parent.score.failures, &of.program.score.failures].map(|of| too_slow(of));
-    if slow.iter().any(|count| *count > 0) {
-        let [without, parent, program] = slow;
-        let _ = writeln!(
-            text,
-            "too slow: the driver took longer than it may for a decision in {} without a program, in {parent} under the parent, in \
-             {program} under the program; those are neither crashes nor successes, and count in no number above",
-            counted(without, "scene")
-        );
+    for (what, did, count) in [
+        ("too slow", "took longer than it may for a decision in", too_slow as fn(&[SceneFailure]) -> usize),
+        ("abandoned", "abandoned", abandoned),
+    ] {
+        let [without, parent, program] =
+            [&of.replay.failures, &of.parent.score.failures, &of.program.score.failures].map(|of| count(of));
+        if without + parent + program > 0 {
+            let _ = writeln!(
+                text,
+                "{what}: the driver {did} {} without a program, {parent} under the parent, {program} under the program; those are \
+                 neither crashes nor successes, and count in no number above",
+                counted(without, "scene")
+            );
+        }
     }
     listed(&mut text, "no replay", failures(&of.replay.failures));
     listed(&mut text, "no label of the parent", failures(&of.parent.score.failures));

@@ -4,7 +4,7 @@ use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-use crate::backend::{Answers, NoOutcome, is_too_slow};
+use crate::backend::{Answers, NoOutcome, Under, is_abandoned, is_too_slow};
 use crate::cli::evolve::behind::{self, Asked};
 use crate::cli::scenes::{files, left_out::listed};
 use crate::cli::studies::train::lessons;
@@ -43,6 +43,7 @@ struct Driven {
     name: String,
     trial: Trial,
     too_slow: usize,
+    abandoned: usize,
     failed: usize,
 }
 
@@ -68,7 +69,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let mut rows: Vec<Driven> = Vec::new();
     for (name, policy) in egos {
         match trial(&lessons, &policy, &threads) {
-            Ok(trial) => rows.push(Driven { name, trial, too_slow: 0, failed: 0 }),
+            Ok(trial) => rows.push(Driven { name, trial, too_slow: 0, abandoned: 0, failed: 0 }),
             // SafeBench's scenes have no recorded ego; the others drive all the same.
             Err(SimError::NoLog { scene, .. }) if policy == Policy::Replay => {
                 progress(format!("replay is left out: scene {scene} has no recorded drive of its ego"));
@@ -82,7 +83,10 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         let asked = Asked::named(path, &rules)?.within(options.time_limit)?;
         rows.push(planned(path, &asked, &lessons, experiment.seed, &threads)?);
     }
-    let row = |of: &Driven| json!({"ego": of.name, "figures": of.trial, "too_slow": of.too_slow, "failed": of.failed});
+    let row = |of: &Driven| {
+        let Driven { name, trial, too_slow, abandoned, failed } = of;
+        json!({"ego": name, "figures": trial, "too_slow": too_slow, "abandoned": abandoned, "failed": failed})
+    };
     let object = rows.iter().map(row).collect::<Vec<_>>();
     Ok(Answer::new(table(lessons.len(), &rows), json!({"held_out": held_out.digest(), "egos": object})))
 }
@@ -91,7 +95,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
 fn planned(path: &Path, asked: &Asked, lessons: &[Lesson], seed: u64, threads: &Threads) -> Result<Driven, Failure> {
     let (ego, planners) = (asked.ego()?, asked.planners());
     let backend = behind::asked(Some(asked), Some(&planners));
-    let drive = |_: usize, of: &Lesson| backend.rollout(&of.plant, &of.intervention, &ego, Seed(seed));
+    let drawn = (Seed(seed), Under::Plain);
+    let drive = |_: usize, of: &Lesson| backend.rollout(&of.plant, &of.intervention, &ego, drawn);
     let (mut outcomes, mut not_driven) = (Vec::new(), Vec::new());
     for (lesson, driven) in lessons.iter().zip(threads.map(lessons, drive)) {
         match driven {
@@ -100,13 +105,17 @@ fn planned(path: &Path, asked: &Asked, lessons: &[Lesson], seed: u64, threads: &
             Err(NoOutcome::Stop(error)) => return Err(error.into()),
         }
     }
-    let too_slow = not_driven.iter().filter(|(_, reason)| is_too_slow(reason)).count();
-    let failed = not_driven.len() - too_slow;
+    let count = |is: fn(&str) -> bool| not_driven.iter().filter(|(_, reason)| is(reason)).count();
+    let (too_slow, abandoned) = (count(is_too_slow), count(is_abandoned));
+    let failed = not_driven.len() - too_slow - abandoned;
     listed("not driven", not_driven.into_iter()).into_iter().for_each(progress);
     planners.compared().into_iter().for_each(progress);
     match outcomes.is_empty() {
         true => Err(Failure::bad_input("the ego drove no scene to its end; the reasons are given above")),
-        false => Ok(Driven { name: path.display().to_string(), trial: figures(&outcomes), too_slow, failed }),
+        false => {
+            let (name, trial) = (path.display().to_string(), figures(&outcomes));
+            Ok(Driven { name, trial, too_slow, abandoned, failed })
+        }
     }
 }
 
@@ -119,27 +128,36 @@ pub fn learned(path: &Path) -> Result<Policy, Failure> {
 fn table(count: usize, rows: &[Driven]) -> String {
     let heads = ["route completion", "crash rate", "off road", "arrived", "mean speed"];
     let [route, crash, off, arrived, speed] = heads;
-    // A planner alone can be too slow, or fail.
-    let missing = rows.iter().any(|of| of.too_slow + of.failed > 0);
-    let more = if missing { format!(" {:>9} {:>9}", "too slow", "failed") } else { String::new() };
+    // A planner alone can be too slow, abandon a scene, or fail.
+    let of = |row: &Driven| [("too slow", row.too_slow), ("abandoned", row.abandoned), ("failed", row.failed)];
+    let counts = |row: usize| rows.iter().map(|driven| of(driven)[row].1).sum::<usize>();
+    let (abandoned, missing) = (counts(1) > 0, (0..3).any(|row| counts(row) > 0));
+    let shown = |name: &str| missing && (name != "abandoned" || abandoned);
+    let cells = |row: &Driven, cell: fn((&'static str, usize)) -> String| -> String {
+        of(row).into_iter().filter(|(name, _)| shown(name)).map(|of| format!(" {:>9}", cell(of))).collect()
+    };
+    let more = rows.first().map(|row| cells(row, |(name, _)| name.to_string())).unwrap_or_default();
     let mut text = format!(
         "{}, no program; a crash is any contact, whoever caused it\n{route:>16} {crash:>12} {off:>10} {arrived:>9} {speed:>11}{more}  ego\n",
         counted(count, "held-out scene")
     );
-    for Driven { name, trial, too_slow, failed } in rows {
-        let more = if missing { format!(" {too_slow:>9} {failed:>9}") } else { String::new() };
+    for row in rows {
+        let (trial, more) = (&row.trial, cells(row, |(_, count)| count.to_string()));
         text += &format!(
-            "{:>14.1} % {:>10.1} % {:>8.1} % {:>7.1} % {:>7.1} m/s{more}  {name}\n",
+            "{:>14.1} % {:>10.1} % {:>8.1} % {:>7.1} % {:>7.1} m/s{more}  {}\n",
             100.0 * trial.route_completion,
             100.0 * trial.crash_rate,
             100.0 * trial.off_road_rate,
             100.0 * trial.arrival_rate,
-            trial.speed_mps
+            trial.speed_mps,
+            row.name
         );
     }
     if missing {
-        text.push_str(
-            "too slow is neither a crash nor a success; both that and failed scenes count in no number beside them\n",
+        let left = if abandoned { "too slow and abandoned are" } else { "too slow is" };
+        text += &format!(
+            "{left} neither a crash nor a success; {} and failed scenes count in no number beside them\n",
+            if abandoned { "these" } else { "both that" }
         );
     }
     text

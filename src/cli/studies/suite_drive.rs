@@ -213,6 +213,9 @@ impl Recorded {
             timeout_s: 1.0,
             processes: 1,
             repeat_share: 0.0,
+            observe: None,
+            // The digest holds what a planner is told; whether it hears of programs is part of each question, too.
+            blind: answers.values().all(|answers| answers.backend.is_blind()),
             digest: Some(planner),
             folder: PathBuf::new(),
         };
@@ -288,7 +291,7 @@ fn came(outcome: Drove) -> Result<Came, Failure> {
 /// Whether a case asks the request of this key.
 fn is_asked(stage: &Stage<'_>, case: &Case, (options, ego): (&BackendOptions, &Policy), key: Digest) -> bool {
     let Ok(plant) = stage.plant(case) else { return false };
-    Request::new(options, &plant, &case.intervention, ego, stage.seed()).is_ok_and(|request| request.key == key)
+    Request::new(options, &plant, &case.intervention, ego, stage.drawn(case)).is_ok_and(|request| request.key == key)
 }
 
 /// What a report has room for.

@@ -1,8 +1,9 @@
 //! What programs do in scenes around a driver, as it may be frozen.
 
-use crate::backend::{Backend, NoOutcome};
+use crate::backend::{Backend, NoOutcome, Under};
 use crate::cli::evolve::behind::{self, Asked};
 use crate::cli::studies::suite_programs::Planned;
+use crate::cli::studies::suite_stage::under;
 use crate::cli::terminal::exit::Failure;
 use crate::ego::Policy;
 use crate::epoch::{Applied, SceneEntry, cluster_of};
@@ -62,12 +63,13 @@ impl Freezing<'_> {
         let one = |_: usize, &place: &usize| -> Result<(Intervention, Outcome), NoOutcome> {
             let entry = &entries[place];
             let own = std::slice::from_ref(entry);
-            let planned = applied.interventions(&[&planned.program], own, &Threads::none());
-            let planned = planned.map_err(|error| NoOutcome::Scene(error.to_string()))?;
-            let intervention = planned.into_iter().flatten().next();
+            let made = applied.interventions(&[&planned.program], own, &Threads::none());
+            let made = made.map_err(|error| NoOutcome::Scene(error.to_string()))?;
+            let intervention = made.into_iter().flatten().next();
             let intervention =
                 intervention.unwrap_or_else(|| Err("no intervention".into())).map_err(NoOutcome::Scene)?;
-            let label = self.label(entry, &applied.backend, applied.simulator, &intervention)?;
+            let driven = (&intervention, under(&planned.member));
+            let label = self.label(entry, &applied.backend, applied.simulator, driven)?;
             Ok((intervention, label))
         };
         let played = self.threads.map(&fit, one);
@@ -102,8 +104,8 @@ impl Freezing<'_> {
         let unstaged: Vec<&SceneEntry> = entries.iter().filter(|entry| entry.scene().staging.is_none()).collect();
         // Scenes of SafeBench's families have no traffic to speak of without a program.
         let own: Vec<&SceneEntry> = if unstaged.is_empty() { entries.iter().collect() } else { unstaged };
-        let nothing = Intervention::default();
-        let labels = self.threads.map(&own, |_, entry| self.label(entry, &backend, simulator, &nothing));
+        let nothing = (&Intervention::default(), Under::Plain);
+        let labels = self.threads.map(&own, |_, entry| self.label(entry, &backend, simulator, nothing));
         let mut kept = Vec::new();
         for (entry, label) in own.into_iter().zip(labels) {
             match label {
@@ -131,10 +133,10 @@ impl Freezing<'_> {
         entry: &SceneEntry,
         backend: &Backend<'_>,
         simulator: &SimulatorOptions,
-        intervention: &Intervention,
+        (intervention, under): (&Intervention, Under),
     ) -> Result<Outcome, NoOutcome> {
         let plant = Plant::with_options(entry.prepared.clone(), simulator)?;
-        backend.rollout(&plant, intervention, self.ego, Seed(self.seed))
+        backend.rollout(&plant, intervention, self.ego, (Seed(self.seed), under))
     }
 
     /// A program that does nothing in a scene makes no case of it.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::backend::{Backend, NoOutcome};
+use crate::backend::{Backend, NoOutcome, Under};
 use crate::cli::look::rollout::Played;
 use crate::cli::terminal::exit::Failure;
 use crate::ego::Policy;
@@ -12,7 +12,7 @@ use crate::learn::Standing;
 use crate::objects::SolutionId;
 use crate::scene::{PreparedScene, Scene};
 use crate::sim::{Outcome, Plant, Trace, assess, commands, rollout_assessed, rollout_traced};
-use crate::suite::{Case, Suite};
+use crate::suite::{Case, Member, Suite};
 
 /// Scenes of a suite.
 pub struct Stage<'a> {
@@ -48,7 +48,7 @@ impl<'a> Stage<'a> {
         match wheel {
             Wheel::Standing => Ok(rollout_assessed(&plant, &case.intervention, &mut Standing)?),
             Wheel::Policy(ego, backends) => {
-                backend(backends, case)?.rollout(&plant, &case.intervention, ego, self.seed())
+                backend(backends, case)?.rollout(&plant, &case.intervention, ego, self.drawn(case))
             }
         }
     }
@@ -76,14 +76,20 @@ impl<'a> Stage<'a> {
                 Ok((outcome, trace))
             }
             Wheel::Policy(ego, backends) => {
-                backend(backends, case)?.traced(plant, &case.intervention, ego, self.seed())
+                backend(backends, case)?.traced(plant, &case.intervention, ego, self.drawn(case))
             }
         }
     }
 
-    pub fn seed(&self) -> Seed {
-        Seed(self.suite.seed)
+    /// The suite's seed, and of which program a case is.
+    pub fn drawn(&self, case: &Case) -> (Seed, Under) {
+        (Seed(self.suite.seed), self.suite.program(case).map_or(Under::Plain, under))
     }
+}
+
+/// What a planner that is not blind is told of a program of a suite.
+pub fn under(member: &Member) -> Under {
+    Under::program(member.program, member.is_parent())
 }
 
 fn backend<'b, 'a>(backends: &'b [Backend<'a>], case: &Case) -> Result<&'b Backend<'a>, NoOutcome> {

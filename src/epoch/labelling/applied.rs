@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::labels::record;
 use super::play::{Traced, traced};
 use super::rollouts::record_digest;
-use crate::backend::{Backend, NoOutcome};
+use crate::backend::{Backend, NoOutcome, Under};
 use crate::compiler::{Prepared, Situation};
 use crate::ego::Policy;
 use crate::epoch::RunError;
@@ -74,7 +74,8 @@ impl Applied<'_> {
         threads: &Threads,
     ) -> Result<Vec<Result<Labelled, RunError>>, RunError> {
         let prepared = self.prepared(programs)?;
-        let labels = threads.map(scenes, |_, entry| self.labels_at(&prepared, entry));
+        let under: Vec<Under> = programs.iter().zip(&prepared).map(|(program, of)| under(program, of)).collect();
+        let labels = threads.map(scenes, |_, entry| self.labels_at(&prepared, &under, entry));
         let of = |(k, prepared): (usize, &Prepared<'_>)| {
             let records: Vec<&Found> = labels.iter().map(|of_scene| &of_scene[k]).collect();
             self.scored(prepared.hash(), scenes, &records, threads)
@@ -115,7 +116,7 @@ impl Applied<'_> {
     /// Why there is none, as text.
     pub fn trace(&self, program: &Program, entry: &SceneEntry) -> Result<Traced, String> {
         let prepared = Prepared::new(program, self.source).map_err(|failure| failure.to_string())?;
-        let drawn = (self.seed, self.counsel(entry));
+        let drawn = (self.seed, self.counsel(entry), under(program, &prepared));
         traced(&self.backend, &prepared, &self.situation(entry)?, drawn, (entry, self.ego))
     }
 
@@ -133,21 +134,21 @@ impl Applied<'_> {
     }
 
     /// The records of all programs in one scene.
-    fn labels_at(&self, programs: &[Prepared<'_>], entry: &SceneEntry) -> Vec<Found> {
+    fn labels_at(&self, programs: &[Prepared<'_>], under: &[Under], entry: &SceneEntry) -> Vec<Found> {
         let situation = match self.situation(entry) {
             Ok(situation) => situation,
             Err(reason) => return programs.iter().map(|_| Err(reason.clone())).collect(),
         };
-        let one = |prepared: &Prepared<'_>| {
+        let one = |(prepared, &under): (&Prepared<'_>, &Under)| {
             let compiled = prepared.compile_counselled(&situation, self.seed, self.counsel(entry));
             let compiled = compiled.map_err(|failure| failure.to_string())?;
             let outcome = self
                 .backend
-                .rollout(&situation.plant, &compiled.intervention, self.ego, self.seed)
+                .rollout(&situation.plant, &compiled.intervention, self.ego, (self.seed, under))
                 .map_err(NoOutcome::reason)?;
             record(entry, self.ego, prepared, situation.ego_meets, &compiled.decision, outcome)
         };
-        programs.iter().map(one).collect()
+        programs.iter().zip(under).map(one).collect()
     }
 
     fn scored(
@@ -179,6 +180,11 @@ impl Applied<'_> {
         }
         Ok(Labelled { score, runs, failures })
     }
+}
+
+/// What a planner that is not blind is told of a program that stands in no run.
+fn under(program: &Program, prepared: &Prepared<'_>) -> Under {
+    Under::program(prepared.hash(), program.is_parent())
 }
 
 /// Keeps no record: it only says under which digest a store would.

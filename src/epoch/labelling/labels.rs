@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::made::{Lazy, Made};
 use super::rollouts::TrialRecord;
 use super::standings::Standing;
-use crate::backend::{Backend, NoOutcome};
+use crate::backend::{Backend, NoOutcome, Under};
 use crate::candidates::Trials;
 use crate::compiler::{Decision, Prepared};
 use crate::ego::Policy;
@@ -328,7 +328,8 @@ impl Labelling<'_> {
         let situation = tools.situations.at(place, &spec.ego, &tools.backend)?;
         let made = self.compiled(prepared, place, &situation, counsel).map_err(|error| error.to_string())??;
         let compiled = &made.compiled;
-        let run = || tools.backend.rollout(&situation.plant, &compiled.intervention, &spec.ego, study.seed);
+        let drawn = (study.seed, study.under(prepared.hash()));
+        let run = || tools.backend.rollout(&situation.plant, &compiled.intervention, &spec.ego, drawn);
         let outcome: Outcome = tools.meter.rollout(&spec.id, run)?;
         let anyway = meets_anyway(&tools.backend, &situation, &spec.ego, study.seed)?;
         Ok(record(&study.scenes[place], &spec.ego, prepared, anyway, &compiled.decision, outcome)?)
@@ -393,7 +394,7 @@ impl<'a> Asked<'a> {
 /// The scene at a place without a program, in whoever simulates.
 pub fn undisturbed(study: &Study, spec: &LineageSpec, place: usize, tools: &Tools<'_>) -> Result<Outcome, NoOutcome> {
     let plant = Plant::with_options(study.scenes[place].prepared.clone(), &study.simulator)?;
-    tools.backend.rollout(&plant, &Intervention::default(), &spec.ego, study.seed)
+    tools.backend.rollout(&plant, &Intervention::default(), &spec.ego, (study.seed, Under::Plain))
 }
 
 /// What names that rollout in a plan. The recorded answer has a key of its own.
@@ -413,7 +414,7 @@ pub fn meets_anyway(
         // The situation was built with that rollout.
         Backend::Own => Ok(situation.ego_meets),
         Backend::Other { .. } => {
-            let undisturbed = backend.rollout(&situation.plant, &Intervention::default(), ego, seed)?;
+            let undisturbed = backend.rollout(&situation.plant, &Intervention::default(), ego, (seed, Under::Plain))?;
             Ok(undisturbed.contact.map(|contact| contact.with))
         }
     }

@@ -1,7 +1,7 @@
 //! Rollouts of a recorded run simulated again with the motion behind their labels: for players and exporters.
 
 use super::labels::{meets_anyway, record};
-use crate::backend::{Backend, NoOutcome};
+use crate::backend::{Backend, NoOutcome, Under};
 use crate::compiler::{Compiled, Decision, Prepared, Situation};
 use crate::ego::Policy;
 use crate::epoch::briefs::counsels::Counsels;
@@ -45,8 +45,8 @@ impl<'s> Player<'s> {
         let prepared = Prepared::new(program, source).map_err(|failure| failure.to_string())?;
         let situation = self.situations.at(place, &spec.ego, &self.backend).map_err(NoOutcome::reason)?;
         let counsel = self.counsels.at(self.study, spec, place).map_err(|error| error.to_string())?;
-        let place = (&self.study.scenes[place], &spec.ego);
-        traced(&self.backend, &prepared, &situation, (self.study.seed, counsel), place)
+        let (place, under) = ((&self.study.scenes[place], &spec.ego), self.study.under(prepared.hash()));
+        traced(&self.backend, &prepared, &situation, (self.study.seed, counsel, under), place)
     }
 
     /// The scene at a place without a program, driven by a lineage's ego: outcome and motion, or the reason why there are none.
@@ -56,7 +56,8 @@ impl<'s> Player<'s> {
     pub fn replay(&self, spec: &LineageSpec, place: usize) -> Result<(Outcome, Trace), String> {
         let situation = self.situations.at(place, &spec.ego, &self.backend).map_err(NoOutcome::reason)?;
         let nothing = Intervention::default();
-        self.backend.traced(&situation.plant, &nothing, &spec.ego, self.study.seed).map_err(NoOutcome::reason)
+        let drawn = (self.study.seed, Under::Plain);
+        self.backend.traced(&situation.plant, &nothing, &spec.ego, drawn).map_err(NoOutcome::reason)
     }
 }
 
@@ -65,12 +66,13 @@ pub fn traced(
     backend: &Backend<'_>,
     prepared: &Prepared<'_>,
     situation: &Situation,
-    (seed, counsel): (Seed, Option<&Counsel>),
+    (seed, counsel, under): (Seed, Option<&Counsel>, Under),
     (entry, ego): (&SceneEntry, &Policy),
 ) -> Result<Traced, String> {
     let Compiled { decision, intervention } =
         prepared.compile_counselled(situation, seed, counsel).map_err(|failure| failure.to_string())?;
-    let (outcome, motion) = backend.traced(&situation.plant, &intervention, ego, seed).map_err(NoOutcome::reason)?;
+    let drawn = (seed, under);
+    let (outcome, motion) = backend.traced(&situation.plant, &intervention, ego, drawn).map_err(NoOutcome::reason)?;
     let anyway = meets_anyway(backend, situation, ego, seed).map_err(NoOutcome::reason)?;
     let record = record(entry, ego, prepared, anyway, &decision, outcome)?;
     let commanded = commands(&situation.plant, &intervention);

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 use super::study::Study;
-use crate::backend::{Backend, NoOutcome};
+use crate::backend::{Backend, NoOutcome, Under};
 use crate::ego::Policy;
 use crate::kernel::Seed;
 use crate::scene::PreparedScene;
@@ -75,7 +75,7 @@ pub fn around(
     backend: &Backend<'_>,
 ) -> Result<Situation, NoOutcome> {
     let plant = Plant::with_options(prepared.clone(), simulator)?;
-    let drive = backend.traced(&plant, &Intervention::default(), ego, seed)?;
+    let drive = backend.traced(&plant, &Intervention::default(), ego, (seed, Under::Plain))?;
     Ok(Situation::around(prepared.clone(), plant, ego, drive))
 }
 

@@ -7,7 +7,7 @@ use super::options::{CompositionOptions, CounselOptions, Without};
 use crate::adapters::{Contract, Registry};
 use crate::archive::search::{Method, SearchOptions};
 use crate::archive::{ArchiveOptions, SelectorOptions};
-use crate::backend::{BackendOptions, PlanAround};
+use crate::backend::{BackendOptions, PlanAround, Under};
 use crate::candidates::Judging;
 use crate::ego::Policy;
 use crate::epoch::RunError;
@@ -38,6 +38,8 @@ pub struct Study {
     /// Places that stay closed until evolution is over.
     pub held_out: Vec<usize>,
     pub lineages: Vec<LineageSpec>,
+    /// Hashes of the programs with which the lineages start. A planner that is not blind is told of those that they are parents.
+    pub parents: BTreeSet<Digest>,
     /// Every family that a lineage may be of.
     pub sources: Sources,
     /// Their contracts: what the gates judge patches by.
@@ -198,8 +200,14 @@ impl Study {
         let own = self.simulator.digest()?;
         match &self.backend {
             None => Ok(own),
-            Some(backend) => Digest::of("evodrive/simulator-behind/1", &(own, backend.rules()?)),
+            Some(backend) if backend.is_blind() => Digest::of("evodrive/simulator-behind/1", &(own, backend.rules()?)),
+            Some(backend) => Digest::of("evodrive/simulator-behind/2", &(own, backend.rules()?, &self.parents)),
         }
+    }
+
+    /// What a planner that is not blind is told of a program.
+    pub fn under(&self, hash: Digest) -> Under {
+        Under::program(hash, self.parents.contains(&hash))
     }
 
     /// What of the simulator counts into what a program comes to in a scene, before anybody simulates it.

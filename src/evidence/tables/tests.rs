@@ -95,6 +95,7 @@ pub(in crate::evidence) fn score(of: &str, labels: &[Label; 4]) -> Score {
         scene: id.to_string(),
         reason: "no contact solved".into(),
         too_slow: false,
+        abandoned: false,
     });
     let mean = |value: fn(&SceneScore) -> f64| scenes.iter().map(value).sum::<f64>() / scenes.len() as f64;
     let objectives = Objectives { attack: mean(|s| s.attack), realism: mean(|s| s.realism) };

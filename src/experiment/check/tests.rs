@@ -78,6 +78,8 @@ fn whole() -> Vec<Table> {
     let driver = own["driver"].as_table_mut().unwrap();
     driver.insert("digest".into(), "0".repeat(64).into());
     driver.insert("folder".into(), "somewhere".into());
+    driver.insert("observe".into(), "metadrive-1".into());
+    driver.insert("blind".into(), true.into());
     own["evaluation"]["attack"].as_table_mut().unwrap().insert("when".into(), "contact_adversary".into());
     let measured = toml::toml! { impact_speed = "contact_speed_mps" };
     own["evaluation"].as_table_mut().unwrap().insert("metrics".into(), measured.into());

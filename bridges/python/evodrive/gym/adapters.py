@@ -70,3 +70,56 @@ def sb3(env):
             return [False for _ in self._get_indices(indices)]
 
     return Adapter()
+
+
+#: Why PufferLib may be missing: it has no wheel, its source loads from GitHub what its own games need, and its metadata ask for
+#: Gymnasium 0.29, of which its environments' interface uses nothing that newer ones lack.
+PUFFERLIB = (
+    "pip install --no-build-isolation --no-deps pufferlib==3.0.0 gym psutil, where GitHub can be reached; or put its source "
+    "distribution on the PYTHONPATH (bridges/python/README.md, Other libraries)"
+)
+
+
+def puffer(env, buf=None, seed=None):
+    """A `VecEnv` (autoreset "same_step", observation in one array) as PufferLib's native environment, a `pufferlib.PufferEnv`. `buf`:
+    PufferLib's own arrays, which are written in place; without it the environment makes them. `seed` is that of the first reset."""
+    try:
+        import pufferlib
+    except ImportError as error:
+        raise ImportError(f"PufferLib cannot be loaded: {error}. {PUFFERLIB}") from error
+    if not hasattr(pufferlib, "PufferEnv"):
+        raise ImportError(f"PufferLib {pufferlib.__version__} has no PufferEnv; expected 3.0. {PUFFERLIB}")
+    if env.metadata["autoreset_mode"].name != "SAME_STEP":
+        raise ValueError("PufferLib resets in the step that ends an episode; make the VecEnv with autoreset='same_step'")
+    if env.observation == "arrays-1":
+        raise ValueError("PufferLib's native environments observe one array; make the VecEnv with 'metadrive-1' or 'safebench-1'")
+
+    class Puffer(pufferlib.PufferEnv):
+        """Steps a `VecEnv`, an agent an environment."""
+
+        def __init__(self):
+            self.inner, self.num_agents, self.first_seed = env, env.num_envs, seed
+            self.single_observation_space, self.single_action_space = env.single_observation_space, env.single_action_space
+            super().__init__(buf)
+
+        def reset(self, seed=None):
+            seed = self.first_seed if seed is None else seed
+            self.first_seed = None
+            self.observations[:], _ = env.reset(seed=seed)
+            self.rewards[:], self.terminals[:], self.truncations[:], self.masks[:] = 0.0, False, False, True
+            return self.observations, []
+
+        def step(self, actions):
+            # A step takes from the arrays of the buffer what it left there, so `actions` may be that buffer.
+            self.observations[:], self.rewards[:], self.terminals[:], self.truncations[:], info = env.step(actions)
+            infos = []
+            if "final_info" in info:
+                final = info["final_info"]
+                for i in info["_final_info"].nonzero()[0]:
+                    infos.append({name: final[name][i].item() for name in final if not name.startswith("_")})
+            return self.observations, self.rewards, self.terminals, self.truncations, infos
+
+        def close(self):
+            env.close()
+
+    return Puffer()

@@ -180,6 +180,12 @@ class VecEnv(VectorEnv):
         the first. Needs `keep=True`."""
         return self._native.kept(i)
 
+    def puffer(self, buf=None, seed=None):
+        """The same environments as PufferLib's native one (`pufferlib.PufferEnv`), which writes into `buf` where it is given."""
+        from .adapters import puffer
+
+        return puffer(self, buf, seed)
+
     def close_extras(self, **_):
         self._native.close()
 

@@ -3,8 +3,8 @@
 
     check_kills.py --evodrive target/debug/evodrive --on ray --kills 30 --seed 1
 
-On Ray a head without CPUs and two nodes are started here; drawn are a worker process of Ray, evodrive itself in a task, the driver, and a node
-with its object store (a new node takes its place). On Slurm (`--on slurm`, or `standin` where Slurm is not installed: the commands of
+On Ray a head without CPUs and two nodes are started here; drawn are a worker process of Ray, evodrive itself in a task, the driver, a node as
+a whole, and a node's raylet alone, which holds its object store: a new node takes its place. On Slurm (`--on slurm`, or `standin` where Slurm is not installed: the commands of
 tests/standin) drawn are evodrive in a task, the task (scancel), the driver. The last study meets a result that came twice, a corrupt one
 and one that lies. It needs no quiet machine."""
 
@@ -73,7 +73,7 @@ def kill(pids, rng):
 class Cluster:
     """Nodes of Ray on this machine."""
 
-    TARGETS = ["task", "worker", "driver", "node"]
+    TARGETS = ["task", "worker", "driver", "node", "store"]
 
     def __init__(self, _scratch):
         from ray.cluster_utils import Cluster as Nodes
@@ -86,10 +86,17 @@ class Cluster:
 
     def kill(self, target, rng):
         if target == "worker":
-            own = {of.process.pid for node in self.workers for of in node.all_processes.get("raylet", [])}
+            own = {pid for node in self.workers for pid in self.raylets(node)}
             return kill(processes(lambda words, parent: parent in own and words[0].startswith("ray::") and "IDLE" not in words[0]), rng)
+        if target == "store":
+            return kill(self.raylets(rng.choice(self.workers)), rng)
         self.replace(rng.randrange(len(self.workers)))
         return True
+
+    @staticmethod
+    def raylets(node):
+        """The process of a node that holds its object store."""
+        return [of.process.pid for of in node.all_processes.get("raylet", [])]
 
     def replace(self, at):
         """A node is gone with its object store, and another one comes."""
@@ -139,21 +146,26 @@ class StandIn(Queue):
         self.environment["PATH"] = f"{HERE / 'tests/standin'}:{self.environment['PATH']}"
 
 
-def served(scratch):
-    """A server of the S3 protocol on this machine: the environment that leads to it."""
+def served(scratch, protocol):
+    """A server of the protocol of S3, or of Google's, on this machine: the environment that leads to it."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    subprocess.Popen([str(Path(sys.executable).with_name("moto_server")), "-H", "127.0.0.1", "-p", str(port)], preexec_fn=die_with_parent,
-                     stdout=(scratch / "moto.log").open("w"), stderr=subprocess.STDOUT)
-    until = time.monotonic() + 30
+    beside = Path(sys.executable).with_name
+    words = {"s3": [beside("moto_server"), "-H", "127.0.0.1", "-p", port],
+             "gs": [beside("gcp-storage-emulator"), "start", "-H", "127.0.0.1", "--port", port, "-M", "--default-bucket", "studies"]}[protocol]
+    subprocess.Popen([str(word) for word in words], preexec_fn=die_with_parent, stdout=(scratch / "server.log").open("w"),
+                     stderr=subprocess.STDOUT)
+    until = time.monotonic() + 60
     while time.monotonic() < until:
         with socket.socket() as there:
             if there.connect_ex(("127.0.0.1", port)) == 0:
                 break
         time.sleep(0.2)
-    return {"AWS_ACCESS_KEY_ID": "any", "AWS_SECRET_ACCESS_KEY": "any", "AWS_DEFAULT_REGION": "us-east-1",
-            "AWS_ENDPOINT_URL": f"http://127.0.0.1:{port}"}
+    at = f"http://127.0.0.1:{port}"
+    # The last one: else gcsfs asks Google itself what kind of bucket it is, and waits.
+    return {"s3": {"AWS_ACCESS_KEY_ID": "any", "AWS_SECRET_ACCESS_KEY": "any", "AWS_DEFAULT_REGION": "us-east-1", "AWS_ENDPOINT_URL": at},
+            "gs": {"FSSPEC_GS_TOKEN": "anon", "FSSPEC_GS_ENDPOINT_URL": at, "GCSFS_EXPERIMENTAL_ZB_HNS_SUPPORT": "false"}}[protocol]
 
 
 def evodrive(options, *words):
@@ -172,8 +184,8 @@ def study_with_kills(options, cluster, experiment, out, left, rng, log):
     """One study on the cluster, whose parts are killed meanwhile: its root, and what was killed."""
     words, more = cluster.command()
     words = [*words, "run", str(experiment), "--out", str(out), "--evodrive", options.evodrive, "--no-report", "--retries", "100",
-             "--by", options.by, "--size", "8", *(["--results", f"s3://studies/{out.name}"] if options.s3 else []), *more]
-    environment = {**cluster.environment, "PYTHONPATH": str(HERE), "EVODRIVE_CACHE": str(out.parent / "cache")}
+             "--by", options.by, "--size", "8", *(["--results", f"{options.results}://studies/{out.name}"] if options.results else []), *more]
+    environment = {**cluster.environment, "PYTHONPATH": str(HERE)}
     begin = lambda resume: subprocess.Popen([*words, *(["--resume"] if resume else [])], stdout=subprocess.PIPE, stderr=log, text=True,
                                             env=environment, preexec_fn=die_with_parent)
     driver, killed = begin(False), Counter()
@@ -218,7 +230,7 @@ def harmed(options, cluster, experiment, out, log):
     words, more = cluster.command()
     ended = subprocess.run([*words, "run", str(experiment), "--out", str(out), "--evodrive", options.evodrive, "--no-report", "--by", "task",
                             "--size", "8", "--audit", "1", *more], stdout=subprocess.PIPE, stderr=log, text=True, check=False,
-                           env={**cluster.environment, "PYTHONPATH": str(HERE), "EVODRIVE_CACHE": str(out.parent / "cache")})
+                           env={**cluster.environment, "PYTHONPATH": str(HERE)})
     if ended.returncode != 0:
         sys.exit(f"the driver of the harmed study ended with {ended.returncode}; its log: {log.name}")
     refused = len(list((run / "shards/refused").iterdir()))
@@ -241,7 +253,8 @@ def main():
     parser.add_argument("--by", choices=["lineage", "task"], default="lineage")
     parser.add_argument("--epochs", type=int, default=4)
     parser.add_argument("--scenes", type=int, default=40)
-    parser.add_argument("--s3", action="store_true", help="Ray: results through a local server of the S3 protocol (moto)")
+    parser.add_argument("--results", choices=["s3", "gs"], help="Ray: results through a local server of this protocol (moto, or "
+                        "gcp-storage-emulator)")
     parser.add_argument("--harm", action="store_true", help="also the study with a result that comes twice, a corrupt and a lying one")
     parser.add_argument("--folder", help="where everything is written, and stays (default: a folder that is removed)")
     options = parser.parse_args()
@@ -254,8 +267,10 @@ def main():
     experiment.write_text(STUDY.format(base=HERE.parents[1] / "experiments/quickstart.toml", scenes=options.scenes, evolution=evolution,
                                        held_out=evolution // 2, epochs=options.epochs))
     plain = root_of(evodrive(options, "record", str(experiment), "--out", str(scratch / "plain"), "--no-report"))
-    if options.s3:
-        os.environ |= served(scratch)
+    if options.results:
+        os.environ |= served(scratch, options.results)
+    # Also for the nodes of Ray that are started here: by this folder the work of a task is known.
+    os.environ["EVODRIVE_CACHE"] = str(scratch / "cache")
     cluster = {"ray": Cluster, "slurm": Queue, "standin": StandIn}[options.on](scratch)
     rng, killed, studies, began = random.Random(options.seed), Counter(), 0, time.monotonic()
     try:

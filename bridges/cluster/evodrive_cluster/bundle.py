@@ -19,6 +19,11 @@ def study_files(run):
     return files
 
 
+def mode(name):
+    """What may be done with a file that came. A program may be among what a planner or a model needs."""
+    return 0o700 if name == "evodrive" or name.startswith(f"{PLANNER}/") else 0o600
+
+
 def digest_of(files):
     """The name of a set of files: their names and bytes."""
     digest = hashlib.blake2b(digest_size=16)
@@ -52,7 +57,7 @@ def unpacked(digest, fetch):
             path = whole / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
-            path.chmod(0o700 if name == "evodrive" else 0o600)
+            path.chmod(mode(name))
         try:
             whole.rename(folder)
         except OSError:

@@ -58,9 +58,10 @@ class Event:
     said: str = ""
     # The result, where it comes this way and does not lie at the place of results.
     content: bytes = None
-    # Seconds of the work itself, and of its CPU.
+    # Seconds of the work itself, and of its CPU; when it began, by the machine's own clock.
     seconds: float = 0.0
     cpu_s: float = 0.0
+    began: float = 0.0
 
 
 class Stopped(SystemExit):
@@ -107,6 +108,8 @@ class Driver:
         self.rounds_done, self.by = 0, options.by
         self.counts = Counter()
         self.times = {"rounds": []}
+        # Machines that lack what the study's shards need.
+        self.lacking = set()
         # Seconds of a lineage's last shard.
         self.took = {}
 
@@ -199,7 +202,7 @@ class Driver:
             while waiting and under_way < self.crew.at_once():
                 shard = waiting.popleft()
                 tries[shard.digest] += 1
-                self.crew.submit(shard, tries[shard.digest], avoid[shard.digest])
+                self.crew.submit(shard, tries[shard.digest], avoid[shard.digest] | self.lacking)
                 under_way += 1
             for event in self.crew.wait():
                 under_way -= 1
@@ -208,7 +211,8 @@ class Driver:
                 if event.kind == "done":
                     self.keep(event)
                     self.took[shard.lineage] = event.seconds
-                    self.times["rounds"][-1]["shards"].append({"name": shard.name, "work_s": [event.seconds, event.cpu_s]})
+                    self.times["rounds"][-1]["shards"].append({"name": shard.name, "work_s": [event.seconds, event.cpu_s],
+                                                               "began": event.began, "node": event.node})
                     done += 1
                     self.counts["shards"] += 1
                     continue
@@ -221,11 +225,13 @@ class Driver:
                 self.counts["lost"] += 1
                 if event.kind in ("lost", "busy") and tries[shard.digest] <= self.options.retries:
                     self.line.say(f"lost, tried again: {shard.name}: {short(event.said)}")
-                elif event.kind == "lacking" and self.crew.has_others(avoid[shard.digest] | {event.node}):
-                    avoid[shard.digest].add(event.node)
+                elif event.kind == "lacking" and event.node and self.crew.has_others(avoid[shard.digest] | self.lacking | {event.node}):
+                    # All shards of a study need the same.
+                    self.lacking.add(event.node)
                     self.line.say(f"{event.node} lacks what {shard.name} needs, it goes elsewhere: {short(event.said)}")
                 else:
-                    raise Stopped(f"{shard.name} was given up: {event.said}\n  log: {log}\n  to go on: repeat the command with --resume")
+                    why = "there is no other machine that might have what this one lacks" if event.kind == "lacking" else "it was given up"
+                    raise Stopped(f"{shard.name}: {why}: {event.said.strip()}\n  log: {log}\n  to go on: repeat the command with --resume")
                 waiting.append(shard)
             seconds = time.monotonic() - began
             self.line.show(told(number, done, len(shards), under_way, seconds) if done == at_begin else

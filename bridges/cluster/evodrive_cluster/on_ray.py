@@ -30,7 +30,7 @@ def on_a_worker(name, shard, bundle, digest, installed, jobs, results):
         content, said, spent = do_shard(name, shard, folder, command, jobs)
     except (Lost, Busy, Lacking, Refused) as ended:
         # Ray would wrap an exception, and a class of a driver's module need not be on the worker.
-        return type(ended).__name__.lower(), here, str(ended), None, (0.0, 0.0)
+        return type(ended).__name__.lower(), here, str(ended), None, ()
     if results:
         place(results).write(name.removesuffix(".shard") + ".result", content)
         content = None
@@ -108,7 +108,7 @@ def begin(options):
     own = {"include_dashboard": False} if options.address is None else {}
     # Workers need Ray and no package of ours.
     ray.cloudpickle.register_pickle_by_value(sys.modules[__package__])
-    ray.init(address=options.address, log_to_driver=False, configure_logging=False, **own)
+    ray.init(address=options.address or "local", log_to_driver=False, configure_logging=False, **own)
 
 
 def more(parser):

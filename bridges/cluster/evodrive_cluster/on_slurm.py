@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from .bundle import digest_of
+from .bundle import digest_of, mode
 from .conduct import Event, Stopped, carry_out, parsed, resumed
 from .work import LACKING, LOCKED
 
@@ -18,10 +18,10 @@ PATIENCE_S = 20.0
 TASK = Path(__file__).with_name("task.sbatch")
 
 
-def said_by(*words, must=True):
+def said_by(*words, must=True, **variables):
     """What a command of Slurm says."""
     try:
-        ended = subprocess.run(words, capture_output=True, text=True, check=False)
+        ended = subprocess.run(words, capture_output=True, text=True, check=False, env={**os.environ, **variables})
     except FileNotFoundError:
         raise Stopped(f"`{words[0]}` is not installed here: evodrive-slurm runs where jobs can be submitted") from None
     if ended.returncode != 0 and must:
@@ -49,7 +49,7 @@ class Slurm:
             if not path.exists():
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(content)
-                path.chmod(0o700 if name == "evodrive" else 0o600)
+                path.chmod(mode(name))
         self.waiting, self.under_way, self.gone_since = [], {}, {}
         self.numbers = itertools.count()
         self.end_others()
@@ -69,9 +69,7 @@ class Slurm:
         self.waiting.append((shard, tuple(sorted(avoid))))
 
     def wait(self):
-        for avoid, group in itertools.groupby(sorted(self.waiting, key=lambda of: of[1]), key=lambda of: of[1]):
-            self.array([shard for shard, _ in group], avoid)
-        self.waiting = []
+        self.send()
         time.sleep(SECONDS)
         queued = None
         for task, shard in list(self.under_way.items()):
@@ -83,6 +81,20 @@ class Slurm:
             self.under_way.pop(task)
             yield self.event(shard, task, status)
 
+    def send(self):
+        """Makes arrays of what waits. An array holds its own tasks back, but two of them know nothing of each other: beside one that is
+        under way only so many tasks are sent as are free of `--workers`."""
+        held = []
+        for avoid, group in itertools.groupby(sorted(self.waiting, key=lambda of: of[1]), key=lambda of: of[1]):
+            group = list(group)
+            free = len(group)
+            if self.options.workers and self.under_way:
+                free = max(0, self.options.workers - len(self.under_way))
+            if group[:free]:
+                self.array([shard for shard, _ in group[:free]], avoid)
+            held += group[free:]
+        self.waiting = held
+
     def event(self, shard, task, status):
         log = self.logs / f"{task}.log"
         said = log.read_text(errors="replace")[-4000:] if log.exists() else ""
@@ -91,10 +103,10 @@ class Slurm:
             if shard.result.exists():
                 return Event(shard, "done", "", said)
             return Event(shard, "lost", "", f"{said}\ntask {task} is no more in the queue and wrote no status")
-        code, seconds, node = status.read_text().split(maxsplit=2)
-        code, seconds, node = int(code), float(seconds), node.strip()
+        code, seconds, cpu_s, began, node = status.read_text().split(maxsplit=4)
+        code, spent, node = int(code), (float(seconds), float(cpu_s), float(began)), node.strip()
         if code == 0 and shard.result.exists():
-            return Event(shard, "done", node, said, None, seconds)
+            return Event(shard, "done", node, said, None, *spent)
         if code == LACKING:
             return Event(shard, "lacking", node, said)
         if code != 0 and LOCKED in said:
@@ -121,9 +133,7 @@ class Slurm:
                  "--job-name=evodrive", "--output=/dev/null", "--export=ALL"]
         words += [f"--exclude={','.join(avoid)}"] if avoid else []
         words += [*self.options.sbatch, str(TASK), str(at.resolve()), str(self.logs.resolve()), str(self.bundle.resolve())]
-        if self.options.installed:
-            os.environ["EVODRIVE_INSTALLED"] = self.options.installed
-        job = said_by(*words).strip().split(";")[0]
+        job = said_by(*words, **({"EVODRIVE_INSTALLED": self.options.installed} if self.options.installed else {})).strip().split(";")[0]
         with self.jobs.open("a") as jobs:
             jobs.write(f"{job}\n")
         self.under_way.update({f"{job}_{place}": shard for place, shard in enumerate(shards)})

@@ -1,8 +1,8 @@
 """A model of the schedule: how long a study takes with so many workers, from the times that another run of it took. `check` holds it to a
 run that was measured, `model` goes beyond what was.
 
-A round is a plan, its shards by a greedy list schedule in the plan's order, and a merge; rounds follow each other. A shard costs what it
-took there and what it takes to begin one. Where models answer, an epoch waits for its questions: those of one slot follow each other,
+A round is a plan, its shards by a greedy list schedule in the measured order, what passes before the first and behind the last of them,
+and a merge; rounds follow each other. A shard costs what it took there, and behind another one the gap in which the scheduler sends it. Where models answer, an epoch waits for its questions: those of one slot follow each other,
 slots and lineages ask side by side, as many as may be open together."""
 
 import argparse
@@ -24,17 +24,26 @@ def makespan(costs, workers):
 
 def predicted(times, workers):
     """Seconds that a study takes whose rounds were measured."""
-    return times["finish_s"] + sum(
-        of["plan_s"] + of["merge_s"] + makespan([shard["work_s"] + times["begin_s"] for shard in of["shards"]], workers)
-        for of in times["rounds"] if of["shards"] or of["plan_s"])
+    return times["finish_s"] + sum(of["plan_s"] + of["merge_s"] + round_s(times, [shard["work_s"] for shard in of["shards"]], workers)
+                                   for of in times["rounds"])
 
 
-def begin_s(times):
-    """What it takes to begin a shard: the rest of the measured rounds, a shard."""
-    spare = [of["work_wall_s"] * times["workers"] - sum(shard["work_s"] for shard in of["shards"]) for of in times["rounds"]]
-    shards = sum(len(of["shards"]) for of in times["rounds"])
-    # With one worker nobody waits for another one: what is not work is the beginning of work.
-    return max(0.0, sum(spare) / shards) if times["workers"] == 1 and shards else 0.0
+def round_s(times, costs, workers):
+    """Seconds from a plan to its merge. Who begins first waits for no other one's end."""
+    return times["around_s"] + makespan([cost + times["gap_s"] for cost in costs], workers) - times["gap_s"] if costs else 0.0
+
+
+def waits(rounds):
+    """Of rounds on one worker what is not work: around the shards of a round, and between two of them. Only times of one clock are taken from
+    each other: the drivers' or the machine's."""
+    around, between, gaps = [], 0.0, 0
+    for of in rounds:
+        if shards := of["shards"]:
+            span = max(shard["began"] + shard["work_s"] for shard in shards) - min(shard["began"] for shard in shards)
+            around.append(of["work_wall_s"] - span)
+            between += span - sum(shard["work_s"] for shard in shards)
+            gaps += len(shards) - 1
+    return max(0.0, sum(around) / len(around)) if around else 0.0, max(0.0, between / gaps) if gaps else 0.0
 
 
 def read(path, cpu=False):
@@ -45,7 +54,8 @@ def read(path, cpu=False):
         of["plan_s"], of["merge_s"] = of["plan_s"][cpu], of["merge_s"][cpu]
         for shard in of["shards"]:
             shard["work_s"] = shard["work_s"][cpu]
-    times["begin_s"] = 0.0 if cpu else begin_s(times)
+    # Of several workers nobody knows who waited for the scheduler and who for work.
+    times["around_s"], times["gap_s"] = (0.0, 0.0) if cpu or times["workers"] != 1 else waits(times["rounds"])
     return times
 
 
@@ -55,7 +65,7 @@ def check(options):
     expected, took = predicted(of, measured["workers"]), measured["wall_s"]
     off = expected / took - 1
     print(f"{measured['workers']} workers: predicted {expected:.1f} s from {of['workers']}, measured {took:.1f} s: {off:+.1%}; "
-          f"a shard begins in {of['begin_s']:.2f} s, plans {sum(r['plan_s'] for r in of['rounds']):.1f} s, "
+          f"a shard is sent in {of['gap_s']:.2f} s, a round in {of['around_s']:.2f} s, plans {sum(r['plan_s'] for r in of['rounds']):.1f} s, "
           f"merges {sum(r['merge_s'] for r in of['rounds']):.1f} s, the run at the end {of['finish_s']:.1f} s")
     return 0 if abs(off) <= options.within else 1
 
@@ -84,14 +94,13 @@ def modelled(times, options, workers):
         side_by_side = 1 + options.efficiency * (threads - 1)
         shards = [cost / side_by_side for cost in costs]
         if options.recorded:
-            whole = makespan([options.epochs * cost + times["begin_s"] for cost in shards], workers // threads)
-            return whole + options.epochs * conducting
-        one = makespan([cost + times["begin_s"] for cost in shards], workers // threads)
+            return round_s(times, [options.epochs * cost for cost in shards], workers // threads) + options.epochs * conducting
+        one = round_s(times, shards, workers // threads)
         return options.epochs * (one + conducting + asked)
     # Stages of an epoch follow each other: parents' labels, trials, labels of the window, of earlier windows.
     stage = sum(costs) / options.stages
     pieces = max(1, math.ceil(stage / options.shard_s))
-    one = makespan([stage / pieces + times["begin_s"]] * pieces, workers)
+    one = round_s(times, [stage / pieces] * pieces, workers)
     return options.epochs * (options.stages * one + conducting * options.stages / 2 + asked)
 
 

@@ -44,8 +44,8 @@ def die_with_parent():
 
 
 def do_shard(name, shard, folder, command, jobs):
-    """The bytes of the result of a shard, what was said meanwhile, and the seconds and CPU seconds that it took. `folder` holds the study; what a killed try had done stays below
-    it, and the next one on this machine goes on from there."""
+    """The bytes of the result of a shard, what was said meanwhile, the seconds and CPU seconds that it took, and when it began. `folder` holds
+    the study; what a killed try had done stays below it, and the next one on this machine goes on from there."""
     at = Path(folder) / "shards"
     at.mkdir(exist_ok=True)
     path = at / name
@@ -53,7 +53,7 @@ def do_shard(name, shard, folder, command, jobs):
     part.write_bytes(shard)
     part.replace(path)
     words = [*command, "--jobs", str(jobs), "shard", "work", str(path), "--study", str(folder), "--out", str(at)]
-    began, before = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    began, began_at, before = time.monotonic(), time.time(), resource.getrusage(resource.RUSAGE_CHILDREN)
     try:
         ended = subprocess.run(words, capture_output=True, text=True, check=False, errors="replace", preexec_fn=die_with_parent)
     except OSError as error:
@@ -74,4 +74,4 @@ def do_shard(name, shard, folder, command, jobs):
     path.unlink(missing_ok=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return content, said, (time.monotonic() - began, cpu_s)
+    return content, said, (time.monotonic() - began, cpu_s, began_at)

@@ -1,5 +1,6 @@
-"""Where results lie: a folder, fsspec's memory, and a local server of the S3 protocol. pytest, or by itself."""
+"""Where results lie: a folder, fsspec's memory, and local servers of the S3 protocol and of Google's. pytest, or by itself."""
 
+import socket
 import sys
 import threading
 from pathlib import Path
@@ -10,7 +11,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from evodrive_cluster.bundle import digest_of, unpacked  # noqa: E402
 from evodrive_cluster.place import place  # noqa: E402
-from evodrive_cluster.schedule import makespan  # noqa: E402
 
 
 def held(at):
@@ -57,6 +57,31 @@ def test_an_address_of_s3(s3):
     assert "c.result" in second.names()
 
 
+@pytest.fixture
+def gs(monkeypatch, tmp_path):
+    """A server of Google's protocol on this machine."""
+    # Else gcsfs asks Google itself what kind of bucket it is, and waits.
+    monkeypatch.setenv("GCSFS_EXPERIMENTAL_ZB_HNS_SUPPORT", "false")
+    pytest.importorskip("gcsfs")
+    emulator = pytest.importorskip("gcp_storage_emulator.server")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    server = emulator.create_server("127.0.0.1", port, in_memory=True, default_bucket="studies")
+    server.start()
+    monkeypatch.setitem(pytest.importorskip("fsspec").config.conf, "gs", {"token": "anon", "endpoint_url": f"http://127.0.0.1:{port}"})
+    yield "gs://studies/one"
+    server.stop()
+
+
+def test_an_address_of_gs(gs):
+    held(place(gs))
+    first, second = place(gs), place(gs)
+    assert "c.result" not in second.names()
+    first.write("c.result", b"three")
+    assert "c.result" in second.names() and second.read("c.result") == b"three"
+
+
 def test_a_machine_unpacks_what_travels_once(tmp_path, monkeypatch):
     monkeypatch.setenv("EVODRIVE_CACHE", str(tmp_path / "cache"))
     files, fetched = {"evodrive": b"#!/bin/sh\n", "planner/idm.py": b"x"}, []
@@ -71,9 +96,3 @@ def test_a_machine_unpacks_what_travels_once(tmp_path, monkeypatch):
     assert [entry.name for entry in folder.parent.iterdir()] == [digest_of(files)], "nothing half made stays"
     with pytest.raises(ValueError):
         unpacked(digest_of({"evodrive": b"another"}), lambda: files)
-
-
-def test_shards_go_to_whoever_is_free_first():
-    assert makespan([3, 1, 1, 1], 2) == 3
-    assert makespan([1, 1, 1, 3], 2) == 4
-    assert makespan([2.0], 1000) == 2.0

@@ -42,15 +42,13 @@ def test_a_rollout_is_that_of_the_vector_in_the_buffers_that_were_given(pools, p
     # Two native environments of three agents each, side by side in one set of buffers.
     vec = pufferlib.vector.make(create, backend="Serial", num_envs=2, seed=0)
     assert vec.num_agents == 6 and vec.single_observation_space == plain.single_observation_space
-    vec.async_reset(seed=None)
-    for of, seed in zip(made[-2:], (3, 6)):
-        of.reset(seed=seed)
+    # The seeds 1 and 2 of the two are 3 .. 5 and 6 .. 8 of their agents.
+    obs, _ = vec.reset(seed=1)
     expected, _ = plain.reset()
-    assert np.array_equal(vec.observations, expected)
+    assert np.array_equal(obs, expected)
     ended = 0
     for _ in range(250):
         actions = law(expected)
-        vec.flag = 2  # sent next; the two were reset behind its back
         obs, rewards, terminals, truncations, infos = vec.step(actions)
         expected, worth, terminated, truncated, info = plain.step(actions)
         assert obs is vec.observations and all(of.observations.base is not None for of in made[-2:])

@@ -105,7 +105,8 @@ def puffer(env, buf=None, seed=None):
         def reset(self, seed=None):
             seed = self.first_seed if seed is None else seed
             self.first_seed = None
-            self.observations[:], _ = env.reset(seed=seed)
+            # PufferLib gives neighbours neighbouring seeds: each has as many as it has agents, so that no two drive the same.
+            self.observations[:], _ = env.reset(seed=None if seed is None else int(seed) * env.num_envs)
             self.rewards[:], self.terminals[:], self.truncations[:], self.masks[:] = 0.0, False, False, True
             return self.observations, []
 

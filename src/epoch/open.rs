@@ -58,7 +58,7 @@ pub fn adopt_parents(study: &Study, desk: &mut Desk<'_>) -> Result<State, RunErr
     for spec in &study.lineages {
         match adopt(study, spec, &mut state, desk) {
             // A plan hears of all lineages: none of them depends on another one yet.
-            Err(RunError::Wanting) => {
+            Err(error) if desk.tools.is_wanting(&error) => {
                 wanting = true;
                 if let Some(wanted) = desk.tools.wanted.filter(|wanted| wanted.is_by_lineage()) {
                     wanted.ask_whole(Walk { lineage: spec.id.clone(), epoch: 0, state: None });

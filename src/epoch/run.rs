@@ -58,13 +58,13 @@ fn one_epoch(
     together: &[&LineageSpec],
     desk: &mut Desk<'_>,
 ) -> Result<bool, RunError> {
-    let all = desk.tools.threads.map_waiting(together, desk.tools.at_once(together.len()), |_, spec| {
+    let all = desk.tools.threads.map_waiting(together, desk.tools.at_once(study, together.len()), |_, spec| {
         desk.tools.go_on().and_then(|()| judge(study, state, epoch, spec, &desk.tools))
     });
     let mut wanting = false;
     for (spec, judged) in together.iter().zip(all) {
         match judged {
-            Err(RunError::Wanting) => {
+            Err(error) if desk.tools.is_wanting(&error) => {
                 wanting = true;
                 if let Some(wanted) = desk.tools.wanted.filter(|wanted| wanted.is_by_lineage()) {
                     let state = Some(Box::new(state.of_lineage(study, &spec.id)?));

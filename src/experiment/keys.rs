@@ -333,6 +333,16 @@ fn models() -> Vec<Key> {
         ],
     ));
     keys.extend(table(
+        || Optional,
+        vec![(
+            "models.*.command.files",
+            "",
+            "",
+            Texts { empty: true },
+            "Its files, relative to the file: with them workers of a cluster ask the program.",
+        )],
+    ));
+    keys.extend(table(
         || Of("models.*.kind", LIVE),
         vec![(
             "models.*.response_format",

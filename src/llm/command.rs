@@ -1,6 +1,7 @@
 //! A model behind a program of the user's: it reads the request as JSON on its standard input and prints the reply. Who starts
 //! programs is handed down; this module knows what they are told and what their end means.
 
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -16,7 +17,26 @@ pub struct CommandOptions {
     pub program: Vec<String>,
     /// How long one answer may take, s.
     pub timeout_s: u64,
+    /// Its files, which lie beside the experiment file or below. Where they are named, workers of a cluster ask the program themselves: the
+    /// files travel with the work.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub files: Option<Vec<PathBuf>>,
 }
+
+impl CommandOptions {
+    /// The same on a machine where its files lie there: a word that names one of them stands for it.
+    pub fn placed(&self, at: impl Fn(&Path) -> PathBuf) -> CommandOptions {
+        let files = self.files.as_deref().unwrap_or_default();
+        let place = |word: &String| match files.iter().find(|file| file.as_path() == Path::new(word)) {
+            Some(file) => at(file).to_string_lossy().into_owned(),
+            None => word.clone(),
+        };
+        CommandOptions { program: self.program.iter().map(place).collect(), ..self.clone() }
+    }
+}
+
+/// The exit code by which a program says that its machine lacks what it needs.
+const LACKING: i32 = 69;
 
 /// How a program ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,8 +57,10 @@ pub enum Ended {
     },
     /// Nobody waits for it any more: the command that asks is being stopped.
     Stopped,
-    /// It could not be started, or spoken to.
+    /// It could not be started.
     Unstarted(String),
+    /// It could not be spoken to, or not be read.
+    Unread(String),
 }
 
 /// Starts programs. Called from many threads.
@@ -68,8 +90,11 @@ impl<'a> Command<'a> {
     }
 
     fn failed(&self, reason: String) -> ModelError {
-        let address = self.options.program.join(" ");
-        ModelError::Failed { address, reason }
+        ModelError::Failed { address: self.address(), reason }
+    }
+
+    fn address(&self) -> String {
+        self.options.program.join(" ")
     }
 }
 
@@ -91,6 +116,9 @@ impl Model for Command<'_> {
                 let metadata = Metadata { model: self.provenance.clone(), ..Metadata::default() };
                 Ok(Completion { bytes, metadata: Some(metadata) })
             }
+            Ended::Badly { code: Some(LACKING), stderr } => {
+                Err(ModelError::Lacking { address: self.address(), reason: said(&stderr) })
+            }
             Ended::Badly { code, stderr } => {
                 let code = code.map_or("by a signal".to_string(), |code| format!("with exit code {code}"));
                 Err(self.failed(format!("it ended {code}, expected 0; {}", said(&stderr))))
@@ -103,7 +131,8 @@ impl Model for Command<'_> {
                 let reason = "its answer is not waited for any more; repeat the command to ask again".into();
                 Err(ModelError::Unanswerable { reason })
             }
-            Ended::Unstarted(reason) => Err(self.failed(reason)),
+            Ended::Unstarted(reason) => Err(ModelError::Lacking { address: self.address(), reason }),
+            Ended::Unread(reason) => Err(self.failed(reason)),
         }
     }
 }
@@ -133,7 +162,7 @@ mod tests {
 
     fn asked(ended: Ended) -> (Result<Completion, ModelError>, serde_json::Value) {
         let run = Ends(ended, Mutex::new(vec![]));
-        let options = CommandOptions { program: vec!["my_model".into(), "--quiet".into()], timeout_s: 9 };
+        let options = CommandOptions { program: vec!["my_model".into(), "--quiet".into()], timeout_s: 9, files: None };
         let model = ModelSpec {
             name: "mine".into(),
             kind: "command".into(),

@@ -166,6 +166,16 @@ pub enum ModelError {
         /// How it ended.
         reason: String,
     },
+    /// A program that this machine cannot start, or that lacks something here.
+    #[error(
+        "`{address}` cannot answer on this machine: {reason}; install it and repeat the command, what was answered is not asked again"
+    )]
+    Lacking {
+        /// The program with its arguments.
+        address: String,
+        /// What is missing.
+        reason: String,
+    },
     /// The request cannot be answered by this model: what is missing or wrong in it, and where.
     #[error("the request cannot be answered: {reason}")]
     Unanswerable {

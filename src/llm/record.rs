@@ -7,7 +7,7 @@ use std::{
 };
 
 use super::{
-    Ask, AskError, Cassette, CassetteError, Completion, DrawSlot, Metadata, Model, ModelError, ModelSpec, Reply,
+    Ask, AskError, Cassette, CassetteError, Completion, DrawSlot, Metadata, Miss, Model, ModelError, ModelSpec, Reply,
     Request, replay::key_of, reply, unwrap,
 };
 use crate::{
@@ -127,9 +127,12 @@ impl<'a> Record<'a> {
     ///
     /// # Errors
     /// Another answer to the same question.
-    pub fn keep_elsewhere(store: &Store, key: &Digest, bytes: &[u8]) -> Result<(), StoreError> {
-        let response = store.put(bytes)?;
-        store.memo_put(MemoKind::Llm, key, &response)
+    pub fn keep_elsewhere(store: &Store, key: &Digest, answer: &Completion) -> Result<(), AskError> {
+        let response = store.put(&answer.bytes).map_err(on_disk)?;
+        if let Some(metadata) = &answer.metadata {
+            keep_metadata(store, key, &response, metadata)?;
+        }
+        store.memo_put(MemoKind::Llm, key, &response).map_err(on_disk)
     }
 
     fn answer(&self, request: &Request, key: &Digest) -> Result<(Digest, Option<Metadata>), AskError> {
@@ -142,12 +145,12 @@ impl<'a> Record<'a> {
         if let Some(response) = self.store.memo_get(MemoKind::Llm, &memo_key) {
             return Ok((response, self.kept_metadata(&memo_key, &response)?));
         }
-        let Completion { bytes, metadata } = self.complete(request)?;
+        let Completion { bytes, metadata } = self.complete(request, *key)?;
         self.look_at(&request.model, &bytes);
         let response = self.store.put(&bytes).map_err(on_disk)?;
         // Written before the answer, so that no answer exists without it.
         if let Some(metadata) = &metadata {
-            self.keep_metadata(&memo_key, &response, metadata)?;
+            keep_metadata(self.store, &memo_key, &response, metadata)?;
         }
         match self.store.memo_put(MemoKind::Llm, &memo_key, &response) {
             Ok(()) => {
@@ -164,16 +167,6 @@ impl<'a> Record<'a> {
     /// A recording that goes on with a cassette whose metadata no run seals does not begin to: its run keeps its root.
     fn seals_metadata(&self) -> bool {
         self.mode != RecordMode::Missing || self.cassette.seals_metadata()
-    }
-
-    fn keep_metadata(&self, memo_key: &Digest, response: &Digest, metadata: &Metadata) -> Result<(), AskError> {
-        let text = serde_json::to_vec(metadata).map_err(|error| AskError::Store(error.to_string()))?;
-        let object = self.store.put(&text).map_err(on_disk)?;
-        match self.store.memo_put(MemoKind::Llm, &metadata_key(memo_key, response)?, &object) {
-            // If the same answer comes twice with different counts, the first counts stay.
-            Ok(()) | Err(StoreError::Conflict { .. }) => Ok(()),
-            Err(error) => Err(on_disk(error)),
-        }
     }
 
     fn kept_metadata(&self, memo_key: &Digest, response: &Digest) -> Result<Option<Metadata>, AskError> {
@@ -195,7 +188,20 @@ impl<'a> Record<'a> {
         }
     }
 
-    fn complete(&self, request: &Request) -> Result<Completion, AskError> {
+    /// Without models it is a recording that others fill.
+    fn complete(&self, request: &Request, key: Digest) -> Result<Completion, AskError> {
+        if self.models.is_empty() {
+            let (cassette, remedy) = ("the recording".to_string(), "evodrive record".to_string());
+            let slot = request.slot.clone();
+            return Err(AskError::Miss(Box::new(Miss {
+                cassette,
+                key,
+                slot,
+                nearest: None,
+                difference: None,
+                remedy,
+            })));
+        }
         let failed = |error: ModelError| AskError::Model { model: request.model.name.clone(), error };
         let model = self.models.get(&request.model.name).ok_or_else(|| {
             let known: Vec<&str> = self.models.keys().map(String::as_str).collect();
@@ -209,6 +215,16 @@ impl<'a> Record<'a> {
 /// Metadata belong to one answer to one request.
 fn metadata_key(memo_key: &Digest, response: &Digest) -> Result<Digest, AskError> {
     Digest::of("evodrive/llm-metadata-of/1", &(memo_key, response)).map_err(|error| AskError::Store(error.to_string()))
+}
+
+fn keep_metadata(store: &Store, memo_key: &Digest, response: &Digest, metadata: &Metadata) -> Result<(), AskError> {
+    let text = serde_json::to_vec(metadata).map_err(|error| AskError::Store(error.to_string()))?;
+    let object = store.put(&text).map_err(on_disk)?;
+    match store.memo_put(MemoKind::Llm, &metadata_key(memo_key, response)?, &object) {
+        // If the same answer comes twice with different counts, the first counts stay.
+        Ok(()) | Err(StoreError::Conflict { .. }) => Ok(()),
+        Err(error) => Err(on_disk(error)),
+    }
 }
 
 fn on_disk(error: StoreError) -> AskError {

@@ -325,6 +325,13 @@ pub fn copy(from: &Path, to: &Path) -> Result<(), StoreError> {
     write_atomic(to, &read_bounded(from, u64::MAX - 1)?)
 }
 
+/// Copies a file that may be a program: whoever could start it can start the copy.
+pub fn copy_program(from: &Path, to: &Path) -> Result<(), StoreError> {
+    copy(from, to)?;
+    let mode = fs::metadata(from).map(|of| of.permissions());
+    mode.and_then(|mode| fs::set_permissions(to, mode)).map_err(|source| StoreError::io("write", to, source))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

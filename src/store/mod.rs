@@ -18,8 +18,8 @@ pub use canonical::{reader, write_filled};
 pub use difference::{first_difference, shortened};
 pub use error::{Damage, Divergence, StoreError};
 pub use file::{
-    Claimed, append, claim, copy, create_dir, create_plain_dir, digest_of_file, is_plain_file, is_taken, length,
-    list_dirs, list_entries, list_files, open_bounded, read_bounded, read_head, remove_abandoned, remove_dir,
+    Claimed, append, claim, copy, copy_program, create_dir, create_plain_dir, digest_of_file, is_plain_file, is_taken,
+    length, list_dirs, list_entries, list_files, open_bounded, read_bounded, read_head, remove_abandoned, remove_dir,
     remove_empty_dir, remove_file, rename, write_atomic,
 };
 pub use fsck::{FsckReport, fsck};

@@ -58,6 +58,7 @@ mod scene_scenarionet;
 mod scenes;
 mod shards;
 mod shards_lineage;
+mod shards_models;
 mod short;
 mod shuffled;
 mod simulator;

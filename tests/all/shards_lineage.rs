@@ -7,10 +7,10 @@ use crate::harness::{Ran, evodrive, folder_below};
 use crate::own_ego::{copied, driver, python};
 
 /// A small recorded study of three lineages, and the root of its plain run.
-struct Plain {
-    folder: tempfile::TempDir,
-    experiment: PathBuf,
-    root: String,
+pub struct Plain {
+    pub folder: tempfile::TempDir,
+    pub experiment: PathBuf,
+    pub root: String,
 }
 
 impl Plain {
@@ -21,11 +21,11 @@ impl Plain {
         Plain { folder, experiment, root }
     }
 
-    fn record(experiment: &Path, out: &Path) -> String {
+    pub fn record(experiment: &Path, out: &Path) -> String {
         Ran::of(evodrive().arg("record").arg(experiment).args(["--no-report", "--out"]).arg(out)).root()
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
@@ -37,7 +37,7 @@ impl Plain {
         (ran, said)
     }
 
-    fn plan(&self, more: &[&str]) -> (serde_json::Value, Vec<PathBuf>) {
+    pub fn plan(&self, more: &[&str]) -> (serde_json::Value, Vec<PathBuf>) {
         let (ran, said) = self.shard("plan", &[&["--whole-lineages"], more].concat());
         assert_eq!(ran.code, 0, "{}", ran.stderr);
         let path = |path: &serde_json::Value| PathBuf::from(path.as_str().unwrap());
@@ -46,7 +46,7 @@ impl Plain {
     }
 
     /// Rounds until nothing is missing. Shards are done on machines that have the study alone, in another order than planned.
-    fn rounds(&self, more: &[&str]) -> usize {
+    pub fn rounds(&self, more: &[&str]) -> usize {
         for round in 0..20 {
             let (said, to_do) = self.plan(more);
             if said["complete"] == true {
@@ -88,7 +88,7 @@ impl Plain {
     }
 
     /// The run that follows: its root, and how many rollouts it simulated itself.
-    fn run(&self, verb: &str) -> (String, serde_json::Value) {
+    pub fn run(&self, verb: &str) -> (String, serde_json::Value) {
         let run = || {
             let mut command = evodrive();
             command.arg(verb).arg(&self.experiment).args(["--no-report", "--out"]).arg(self.path("apart"));
@@ -100,7 +100,7 @@ impl Plain {
 }
 
 /// Three epochs of three lineages; `more` is added.
-fn small(folder: &Path, more: &str) -> PathBuf {
+pub fn small(folder: &Path, more: &str) -> PathBuf {
     let path = experiment(folder, "apart", more);
     let text = std::fs::read_to_string(&path).unwrap();
     let text =
@@ -212,7 +212,7 @@ fn a_planner_travels_with_its_shards_and_a_machine_without_it_says_so() {
     std::fs::write(&kept, b"print('another planner')").unwrap();
     let ran = study.elsewhere(&to_do[0]);
     assert_eq!(ran.code, 69, "{}", ran.stderr);
-    assert!(ran.stderr.contains("lacks idm.py of the planner"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("lacks idm.py, which the shard needs"), "{}", ran.stderr);
     std::fs::write(&kept, text).unwrap();
     // Python is needed too.
     let mut command = evodrive();

@@ -29,8 +29,12 @@ class Evodrive:
         """What a command says as JSON, with its exit code, which must be one of `may`."""
         until = time.monotonic() + HELD_S
         while True:
-            ended = subprocess.run([*self.words, "--json", *arguments], capture_output=True, text=True, check=False,
-                                   preexec_fn=die_with_parent)
+            try:
+                ended = subprocess.run([*self.words, "--json", *arguments], capture_output=True, text=True, check=False,
+                                       preexec_fn=die_with_parent)
+            except OSError as error:
+                raise Failed(self.words[0], 127, f"--evodrive {self.words[0]}: {error.strerror}; build it with `cargo build --release`, or name "
+                             "the program that is there") from None
             text = ended.stdout.strip()
             try:
                 said = json.loads(text) if text else {}

@@ -82,6 +82,7 @@ def common_options(parser):
     parser.add_argument("--retries", type=int, default=3, help="how often a shard is tried again that was lost (default: 3)")
     parser.add_argument("--audit", type=float, metavar="SHARE", help="compute this share of what comes back again, here")
     parser.add_argument("--record", action="store_true", help="ask the experiment's models for what its cassette lacks")
+    parser.add_argument("--open", type=int, metavar="N", help="with --record: questions that a worker, or the plan, has open together")
     parser.add_argument("--rounds", type=int, default=1000, help="most rounds; the run computes what is still missing (default: 1000)")
     parser.add_argument("--no-report", action="store_true", help="write no report.html at the end")
     parser.add_argument("--resume", action="store_true", help="go on where a driver was killed, with the options that it had")
@@ -168,6 +169,7 @@ class Driver:
         words = ["shard", "plan", *self.target(), "--size", str(options.size)]
         words += ["--whole-lineages"] if whole else []
         words += ["--record"] if options.record else []
+        words += ["--open", str(options.open)] if options.open else []
         return self.evodrive.json(*words)[0]
 
     def target(self):

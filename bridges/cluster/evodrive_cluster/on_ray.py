@@ -19,7 +19,7 @@ except ImportError:
 SECONDS = 1.0
 
 
-def on_a_worker(name, shard, bundle, digest, installed, jobs, results):
+def on_a_worker(name, shard, bundle, digest, installed, jobs, results, questions):
     """What a task does: the result, or nothing where it lies at the place of results."""
     here = os.environ.get("EVODRIVE_NODE") or ray.get_runtime_context().get_node_id()
     os.environ["EVODRIVE_NODE"] = here
@@ -27,7 +27,7 @@ def on_a_worker(name, shard, bundle, digest, installed, jobs, results):
     folder = unpacked(digest, lambda: ray.get(bundle[0]))
     command = [installed] if installed else [str(folder / "evodrive")]
     try:
-        content, said, spent = do_shard(name, shard, folder, command, jobs)
+        content, said, spent = do_shard(name, shard, folder, command, jobs, questions)
     except (Lost, Busy, Lacking, Refused) as ended:
         # Ray would wrap an exception, and a class of a driver's module need not be on the worker.
         return type(ended).__name__.lower(), here, str(ended), None, ()
@@ -72,7 +72,7 @@ class Ray:
         task = self.task.options(**how)
         # In a list an object is not fetched before the task asks for it.
         reference = task.remote(shard.path.name, shard.path.read_bytes(), [self.bundle], self.digest, options.installed, options.cpus,
-                                options.results)
+                                options.results, options.open)
         self.under_way[reference] = shard
 
     def wait(self):

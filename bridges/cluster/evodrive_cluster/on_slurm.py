@@ -133,7 +133,8 @@ class Slurm:
                  "--job-name=evodrive", "--output=/dev/null", "--export=ALL"]
         words += [f"--exclude={','.join(avoid)}"] if avoid else []
         words += [*self.options.sbatch, str(TASK), str(at.resolve()), str(self.logs.resolve()), str(self.bundle.resolve())]
-        job = said_by(*words, **({"EVODRIVE_INSTALLED": self.options.installed} if self.options.installed else {})).strip().split(";")[0]
+        handed = {"EVODRIVE_INSTALLED": self.options.installed, "EVODRIVE_OPEN": self.options.open}
+        job = said_by(*words, **{name: str(value) for name, value in handed.items() if value}).strip().split(";")[0]
         with self.jobs.open("a") as jobs:
             jobs.write(f"{job}\n")
         self.under_way.update({f"{job}_{place}": shard for place, shard in enumerate(shards)})

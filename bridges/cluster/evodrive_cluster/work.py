@@ -43,7 +43,7 @@ def die_with_parent():
         pass
 
 
-def do_shard(name, shard, folder, command, jobs):
+def do_shard(name, shard, folder, command, jobs, questions=None):
     """The bytes of the result of a shard, what was said meanwhile, the seconds and CPU seconds that it took, and when it began. `folder` holds
     the study; what a killed try had done stays below it, and the next one on this machine goes on from there."""
     at = Path(folder) / "shards"
@@ -53,6 +53,7 @@ def do_shard(name, shard, folder, command, jobs):
     part.write_bytes(shard)
     part.replace(path)
     words = [*command, "--jobs", str(jobs), "shard", "work", str(path), "--study", str(folder), "--out", str(at)]
+    words += ["--open", str(questions)] if questions else []
     began, began_at, before = time.monotonic(), time.time(), resource.getrusage(resource.RUSAGE_CHILDREN)
     try:
         ended = subprocess.run(words, capture_output=True, text=True, check=False, errors="replace", preexec_fn=die_with_parent)

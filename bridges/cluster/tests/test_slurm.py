@@ -10,6 +10,7 @@ import pytest
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
+from evodrive_cluster.command import Evodrive, Failed  # noqa: E402
 from evodrive_cluster.conduct import Driver, Shard, Stopped  # noqa: E402
 from evodrive_cluster.on_slurm import Slurm  # noqa: E402
 
@@ -44,7 +45,7 @@ def crew(cluster, script, workers):
     command = cluster / "evodrive"
     command.write_text(script)
     command.chmod(0o700)
-    options = Namespace(workers=workers, cpus=1, array_max=1000, patience=5.0, sbatch=[], installed=str(command))
+    options = Namespace(workers=workers, cpus=1, array_max=1000, patience=5.0, sbatch=[], installed=str(command), open=None)
     return Slurm(options, {"experiment.toml": b""}, cluster / "shards")
 
 
@@ -113,3 +114,9 @@ def test_what_no_node_has_is_named(cluster):
         Driven(crew(cluster, NEEDING, None), cluster / "shards").round(1, to_do)
     assert "this machine lacks planner.py, which the shard needs" in str(stopped.value)
     assert "there is no other machine" in str(stopped.value)
+
+
+def test_a_program_that_is_not_there_is_named_with_what_helps(tmp_path):
+    with pytest.raises(Failed) as failed:
+        Evodrive([str(tmp_path / "evodrive")]).json("shard", "plan", "study.toml")
+    assert str(tmp_path / "evodrive") in failed.value.said and "cargo build --release" in failed.value.said

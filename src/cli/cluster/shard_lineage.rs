@@ -3,30 +3,36 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use crate::agents::AgentError;
 use crate::backend::Answers;
 use crate::cli::cluster::shard_done::{Nobody, done};
-use crate::cli::evolve::behind;
-use crate::cli::terminal::exit::Failure;
+use crate::cli::evolve::{behind, models};
+use crate::cli::records::folder::RunFolder;
+use crate::cli::terminal::{exit::Failure, interrupt::Interrupt};
 use crate::epoch::{
-    self, Carried, Desk, Meter, RecordedAnswer, Rollouts, Task, Tools, Walk, WalkRecord, Wanted, Whole, Workbench,
+    self, Carried, Desk, Meter, RecordedAnswer, Rollouts, RunError, Task, Tools, Walk, WalkRecord, Wanted, Whole,
+    Workbench,
 };
-use crate::experiment::{self, Experiment};
+use crate::experiment::{self, Experiment, ModelOptions};
 use crate::kernel::{Digest, Threads};
-use crate::llm::{Ask, Cassette, Model, client};
-use crate::scripted::Scripted;
+use crate::llm::{Ask, AskError, Cassette, ModelError, Record, RecordMode, client};
 use crate::shard::{Lineage, Need, OnTheWay, Shard, StudyMark, TaskResult};
 use crate::store::{self, Store, Transcript};
 
-/// Whether every model of an experiment is the stand-in, which any machine can ask.
+/// Whether any machine can ask every model of an experiment: the stand-in, and programs that say what of them has to travel.
 pub fn asks_anywhere(experiment: &Experiment) -> bool {
-    let used = experiment::asked(experiment);
-    let of = |name: &&str| experiment.models.get(*name).is_some_and(|model| model.kind == client::SCRIPTED);
-    used.iter().all(|name| of(name) || experiment.models.get(*name).is_some_and(|model| model.kind == client::DRAWN))
+    let reached = |model: &ModelOptions| match model.kind.as_str() {
+        client::SCRIPTED | client::DRAWN => true,
+        client::COMMAND => model.command.as_ref().is_some_and(|command| command.files.is_some()),
+        _ => false,
+    };
+    experiment::asked(experiment).iter().all(|name| experiment.models.get(*name).is_some_and(reached))
 }
 
-/// How a plan of whole lineages is made: where its own machine asks the models it makes the trials too, on which their questions rest.
+/// How a plan of whole lineages is made: where its own machine asks the models it makes the trials too, on which their questions rest; else
+/// it asks nobody.
 pub fn whole(record: bool, anywhere: bool) -> Whole {
-    Whole { tries: record && !anywhere }
+    Whole { tries: record && !anywhere, asked_elsewhere: record && anywhere }
 }
 
 /// Shards of the lineages that a plan asked for, with what the run has on record for them.
@@ -67,7 +73,10 @@ pub fn remember(lineage: &Lineage, store: &Store) -> Result<(), Failure> {
 pub struct Bench<'a> {
     pub study: &'a epoch::Study,
     pub experiment: &'a Experiment,
+    pub folder: &'a RunFolder,
     pub threads: &'a Threads,
+    /// Questions that are open together; without it as many as there are threads.
+    pub open: Option<usize>,
     pub rollouts: &'a Rollouts<'a>,
     /// Answers of another simulator, where one is asked.
     pub answers: Option<&'a dyn Answers>,
@@ -76,7 +85,11 @@ pub struct Bench<'a> {
 impl Bench<'_> {
     pub fn tools<'t>(&'t self, ask: &'t dyn Ask) -> Tools<'t> {
         let tools = Tools::new(self.study, ask, self.threads, self.rollouts, Meter::default());
-        tools.behind(behind::backend(self.experiment, self.answers))
+        let tools = tools.behind(behind::backend(self.experiment, self.answers));
+        match self.open {
+            Some(open) => tools.asking_at_once(open),
+            None => tools,
+        }
     }
 
     /// Goes a lineage's way: what the run will rest on there, and what came of it.
@@ -87,14 +100,17 @@ impl Bench<'_> {
         (store, log): (&Store, &Path),
     ) -> Result<(OnTheWay, Vec<TaskResult>), Failure> {
         let noted = Wanted::default();
-        let stand_in = Scripted;
-        let carried = Carried::new(&lineage.answers, lineage.asks.then_some(&stand_in as &dyn Model));
+        // In the store: what a killed try was answered is not asked again.
+        let models = lineage.asks.then(|| models::askable(self.experiment, self.folder, None, &Interrupt::default()));
+        let models = models.transpose()?;
+        let models = models.map(|models| Record::new(store, Cassette::default(), RecordMode::Missing, models));
+        let carried = Carried::new(&lineage.answers, models.as_ref().map(|models| models as &dyn Ask));
         // A killed try left its own.
         store::remove_file(log)?;
         {
             let tools = self.tools(&carried).noting(&noted);
             let mut desk = Desk { log: Transcript::create(log)?, watch: &mut |_| {}, tools };
-            epoch::go(self.study, &lineage.walk, &carried, &mut desk)?;
+            epoch::go(self.study, &lineage.walk, &carried, &mut desk).map_err(lacking_or_not)?;
         }
         let asked = carried.asked();
         let (mut tasks, mut programs) = noted.into_tasks();
@@ -107,5 +123,15 @@ impl Bench<'_> {
         let one = |_: usize, (key, task): &(Digest, Task)| done(&bench, &here, *key, task, store);
         let results = self.threads.map(&here.tasks, one).into_iter().collect::<Result<Vec<TaskResult>, Failure>>()?;
         Ok((OnTheWay { programs: here.programs, tasks: here.tasks, asked }, results))
+    }
+}
+
+/// Where a model's program cannot be started another machine may have it.
+fn lacking_or_not(error: RunError) -> Failure {
+    match &error {
+        RunError::Agent(AgentError::Ask(AskError::Model { error: ModelError::Lacking { .. }, .. })) => {
+            Failure::lacking(format!("this machine cannot do the shard: {error}"))
+        }
+        _ => error.into(),
     }
 }

@@ -4,6 +4,7 @@ use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
 
+use crate::agents::AgentError;
 use crate::cli::cluster::shard_audit::{self, Auditor};
 use crate::cli::cluster::shard_done::Nobody;
 use crate::cli::cluster::shard_target::{Target, TargetOptions};
@@ -11,8 +12,8 @@ use crate::cli::evolve::behind;
 use crate::cli::records::folder::{RunFolder, files};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::{Exit, Failure};
-use crate::epoch::{Meter, Mode, Rollouts, Task, Tools, Workbench};
-use crate::llm::Record;
+use crate::epoch::{Meter, Mode, Rollouts, RunError, Task, Tools, Workbench};
+use crate::llm::{Completion, Record};
 use crate::shard::{Merge, Merged, RESULT_ENDING, StudyMark, Withdrawn};
 use crate::store::{self, Store};
 use crate::text::counted;
@@ -89,7 +90,8 @@ fn keep_asked(merged: &mut Merged, folder: &RunFolder) -> Result<usize, Failure>
     for of in &asked {
         let key = of.answer;
         let absent = || Failure::corruption(format!("the answer to question {key} has no bytes; do its shard again"));
-        Record::keep_elsewhere(&store, &key, &of.bytes().ok_or_else(absent)?)?;
+        let answer = Completion { bytes: of.bytes().ok_or_else(absent)?, metadata: of.metadata.clone() };
+        Record::keep_elsewhere(&store, &key, &answer).map_err(AgentError::Ask).map_err(RunError::Agent)?;
     }
     store.flush()?;
     Ok(asked.len())

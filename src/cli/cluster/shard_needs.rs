@@ -1,12 +1,12 @@
-//! What a shard needs besides the study: the files of a planner of one's own, by digest. They lie beside the run's experiment, and travel
-//! with it.
+//! What a shard needs besides the study: the files of a planner of one's own, and of programs that answer as models, by digest. They lie
+//! beside the run's experiment, and travel with it.
 
 use std::path::{Component, Path, PathBuf};
 
 use crate::backend::DriverOptions;
 use crate::cli::records::folder::RunFolder;
 use crate::cli::terminal::exit::Failure;
-use crate::experiment::Experiment;
+use crate::experiment::{self, Experiment};
 use crate::shard::Need;
 use crate::store;
 
@@ -15,29 +15,44 @@ const FILE_BYTES_MAX: u64 = 4 << 30;
 
 /// Names what a study's shards need, and copies it into the run folder. With a run folder in place of an experiment file nothing is
 /// copied: it is there from before.
-pub fn gathered(experiment: &Experiment, folder: &RunFolder) -> Result<Vec<Need>, Failure> {
-    let Some(driver) = &experiment.driver else { return Ok(Vec::new()) };
-    let (from, to) = (driver.folder(), folder.planner());
+pub fn gathered(experiment: &Experiment, folder: &RunFolder, asks: bool) -> Result<Vec<Need>, Failure> {
+    let to = folder.planner();
     let mut needs = Vec::new();
-    for file in &driver.files {
-        let name = below(file)?;
-        let at = to.join(file);
-        if !from.as_os_str().is_empty() {
+    let mut need = |key: &str, file: &Path, from: Option<PathBuf>| {
+        let (name, at) = (below(key, file)?, to.join(file));
+        if let Some(from) = from {
             store::create_dir(at.parent().unwrap_or(&to))?;
-            store::copy(&from.join(file), &at)?;
+            store::copy_program(&from, &at)?;
         }
-        needs.push(Need { digest: store::digest_of_file(&at, FILE_BYTES_MAX)?, file: name });
+        let need = Need { digest: store::digest_of_file(&at, FILE_BYTES_MAX)?, file: name };
+        if !needs.contains(&need) {
+            needs.push(need);
+        }
+        Ok::<(), Failure>(())
+    };
+    if let Some(driver) = &experiment.driver {
+        let from = driver.folder();
+        for file in &driver.files {
+            need("driver.files", file, (!from.as_os_str().is_empty()).then(|| from.join(file)))?;
+        }
+    }
+    let used = experiment::asked(experiment);
+    for (name, model) in experiment.models.iter().filter(|(name, _)| asks && used.contains(name.as_str())) {
+        for file in model.command.iter().flat_map(|command| command.files.iter().flatten()) {
+            let from = experiment.beside(file);
+            need(&format!("models.{name}.command.files"), file, from.exists().then_some(from))?;
+        }
     }
     Ok(needs)
 }
 
-/// A planner's file by its name from the experiment's folder; only what lies there or below has the same name elsewhere.
-fn below(file: &Path) -> Result<String, Failure> {
+/// A needed file by its name from the experiment's folder; only what lies there or below has the same name elsewhere.
+fn below(key: &str, file: &Path) -> Result<String, Failure> {
     let plain = file.components().all(|part| matches!(part, Component::Normal(_)));
     match file.to_str().filter(|_| plain) {
         Some(name) => Ok(name.to_string()),
         None => Err(Failure::bad_input(format!(
-            "driver.files names {}: expected a file in the experiment file's folder or below, so that it can lie so on other machines; copy it there",
+            "{key} names {}: expected a file in the experiment file's folder or below, so that it can lie so on other machines; copy it there",
             file.display()
         ))),
     }
@@ -53,7 +68,7 @@ pub fn hold(needs: &[Need], folder: &RunFolder) -> Result<(), Failure> {
             Err(_) => "none".into(),
         };
         return Err(Failure::lacking(format!(
-            "this machine lacks {file} of the planner: expected {} with digest {digest}, found {found}; copy the run folder's `planner` \
+            "this machine lacks {file}, which the shard needs: expected {} with digest {digest}, found {found}; copy the run folder's `planner` \
              beside the study, or do the shard elsewhere",
             path.display()
         )));
@@ -63,7 +78,7 @@ pub fn hold(needs: &[Need], folder: &RunFolder) -> Result<(), Failure> {
 
 /// Where a needed file lies. Its name came with a shard, and may not lead out of the folder.
 fn at(folder: &RunFolder, file: &str) -> Result<PathBuf, Failure> {
-    below(Path::new(file)).map(|name| folder.planner().join(name))
+    below("the shard", Path::new(file)).map(|name| folder.planner().join(name))
 }
 
 /// The planner as it is started from there.

@@ -29,6 +29,9 @@ pub struct PlanOptions {
     /// Ask the experiment's models for answers that the cassette lacks; `evodrive record` writes them down at the end.
     #[arg(long)]
     pub record: bool,
+    /// Questions to models that are open together [default: as `evodrive record`].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    pub open: Option<u16>,
     /// Plan every lineage as one piece of work, as far as it can be gone: few rounds, and as many shards as lineages.
     #[arg(long)]
     pub whole_lineages: bool,
@@ -57,7 +60,10 @@ fn planned(options: &PlanOptions, target: &Target) -> Result<Answer, Failure> {
     let study = job.experiment.study(job.scenes.clone(), &job.threads)?;
     let remembered = options.record.then(|| Store::open(&folder.recording())).transpose()?;
     let replay = Replay::new(recorded.clone(), format!("evodrive shard plan --record {}", named.display()));
-    let models = if options.record {
+    let anywhere = shard_lineage::asks_anywhere(&job.experiment);
+    // Tasks ask nobody, so for them the plan does.
+    let asks = options.record && anywhere && options.whole_lineages;
+    let models = if options.record && !asks {
         models::askable(&job.experiment, folder, None, &Interrupt::default())?
     } else {
         BTreeMap::new()
@@ -66,12 +72,14 @@ fn planned(options: &PlanOptions, target: &Target) -> Result<Answer, Failure> {
     let ask: &dyn Ask = asked.as_ref().map_or(&replay, |asked| asked);
     let answers = answers.map(|answers| Recorded::new(answers, "evodrive shard plan"));
     let answers = answers.as_ref().map(|answers| answers as &dyn Answers);
-    let anywhere = shard_lineage::asks_anywhere(&job.experiment);
     let wanted = match options.whole_lineages {
         true => Wanted::new(options.again).by_lineage(shard_lineage::whole(options.record, anywhere)),
         false => Wanted::new(options.again),
     };
-    let needs = shard_needs::gathered(&job.experiment, folder)?;
+    // Where workers ask, or nobody, nothing is waited for here.
+    let open = options.open.map(usize::from).or_else(|| models::open_by_default(&job.experiment));
+    let open = open.filter(|_| options.record && !asks);
+    let needs = shard_needs::gathered(&job.experiment, folder, asks)?;
     let mark = StudyMark::of(&study);
     let walk = folder.shards().join("walk.jsonl");
     store::create_dir(&folder.shards())?;
@@ -79,7 +87,11 @@ fn planned(options: &PlanOptions, target: &Target) -> Result<Answer, Failure> {
     let labels = Rollouts::new(&held.objects, Mode::Reuse);
     let tools = || {
         let tools = Tools::new(&study, ask, &job.threads, &labels, Meter::default());
-        tools.behind(behind::backend(&job.experiment, answers)).planning(&wanted)
+        let tools = tools.behind(behind::backend(&job.experiment, answers)).planning(&wanted);
+        match open {
+            Some(open) => tools.asking_at_once(open),
+            None => tools,
+        }
     };
     let complete = {
         let mut desk = Desk { log: Transcript::create(&walk)?, watch: &mut |_| {}, tools: tools() };
@@ -89,10 +101,8 @@ fn planned(options: &PlanOptions, target: &Target) -> Result<Answer, Failure> {
     let complete = complete?;
     // Where models were asked the answers to this walk's own questions travel.
     let recorded = asked.as_ref().map(|asked| asked.to_cassette("plan")).transpose()?.unwrap_or(recorded);
-    let lineages = {
-        let asks = options.record && anywhere;
-        shard_lineage::shards(&wanted, (&mark, &needs), (&recorded, asks), (&tools(), &held.objects), &study)?
-    };
+    let lineages =
+        shard_lineage::shards(&wanted, (&mark, &needs), (&recorded, asks), (&tools(), &held.objects), &study)?;
     let (tasks, programs) = wanted.into_tasks();
     let planned = Planned::write(folder, (&mark, &needs), lineages, (tasks, &programs), options.size)?;
     Ok(planned.answer(folder, &named.display().to_string(), complete))

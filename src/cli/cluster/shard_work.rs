@@ -31,6 +31,9 @@ pub struct WorkOptions {
     /// Folder for results; without it beside the shard.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    /// Questions to models that are open together [default: as many as there are threads].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    pub open: Option<u16>,
 }
 
 pub fn run(options: &WorkOptions, jobs: usize) -> Result<Answer, Failure> {
@@ -52,7 +55,7 @@ pub fn run(options: &WorkOptions, jobs: usize) -> Result<Answer, Failure> {
         if result.exists() && ResultFile::load(&result, &site.mark, &known).is_ok() {
             progress(format!("is done already: {}", result.display()));
         } else {
-            let results = site.work(&shard, digest, &result, &threads)?;
+            let results = site.work(&shard, digest, &result, (&threads, options.open.map(usize::from)))?;
             without_label += results.iter().filter(|result| matches!(result.came, Came::NoLabel(_))).count();
             tasks += results.len();
             progress(format!("done: {}", result.display()));
@@ -106,7 +109,7 @@ impl Site {
         shard: &Shard,
         digest: Digest,
         result: &Path,
-        threads: &Threads,
+        (threads, open): (&Threads, Option<usize>),
     ) -> Result<Vec<TaskResult>, Failure> {
         let scratch = result.with_file_name(format!(".{}.work", digest.short(16)));
         let store = Store::open(&scratch)?;
@@ -124,8 +127,8 @@ impl Site {
         // What the store has was not asked of the recorder, and would be missing among the answers.
         let mode = if answers.is_some() { Mode::Verify } else { Mode::Reuse };
         let rollouts = Rollouts::new(&store, mode);
-        let (study, experiment) = (&self.study, &self.experiment);
-        let here = Bench { study, experiment, threads, rollouts: &rollouts, answers };
+        let (study, experiment, folder) = (&self.study, &self.experiment, &self.folder);
+        let here = Bench { study, experiment, folder, threads, open, rollouts: &rollouts, answers };
         let (way, results) = match &shard.lineage {
             Some(lineage) => {
                 if answers.is_none() {

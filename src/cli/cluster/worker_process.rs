@@ -235,7 +235,7 @@ impl Running {
         let left = || deadline.saturating_duration_since(now());
         let printed = match interrupt.wait(&self.output, Some(deadline)) {
             Ok(Ok(printed)) => printed,
-            Ok(Err(reason)) => return Ended::Unstarted(reason),
+            Ok(Err(reason)) => return Ended::Unread(reason),
             // Dropped, it is killed.
             Err(Waited::Stopped) => return Ended::Stopped,
             Err(Waited::Late | Waited::Gone) => return self.late(),
@@ -247,7 +247,7 @@ impl Running {
                 Ok(None) if left().is_zero() => return self.late(),
                 Ok(None) if interrupt.is_overdue() => return Ended::Stopped,
                 Ok(None) => std::thread::sleep(LOOK),
-                Err(error) => return Ended::Unstarted(format!("it cannot be waited for: {error}")),
+                Err(error) => return Ended::Unread(format!("it cannot be waited for: {error}")),
             }
         }
     }

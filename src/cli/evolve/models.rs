@@ -41,7 +41,12 @@ pub fn askable(
                 Box::new(exchange(&folder.exchange(name, fresh), provenance, interrupt)?)
             }
             (client::COMMAND, _, Some(command)) => {
-                Box::new(Command::new(command.clone(), provenance, Processes::until(interrupt)))
+                let at = |file: &Path| {
+                    let beside = experiment.beside(file);
+                    // A run folder, and a cluster's worker, have it among what travels.
+                    if beside.exists() { beside } else { folder.planner().join(file) }
+                };
+                Box::new(Command::new(command.placed(at), provenance, Processes::until(interrupt)))
             }
             // Never asked itself.
             (client::DRAWN, ..) => continue,

@@ -193,6 +193,7 @@ fn write_mp4(film: &Film, dt_s: f64, out: &Path) -> Result<(), Failure> {
         Ended::Unstarted(reason) => {
             format!("{}: MP4 needs ffmpeg: {reason}; install it (Debian: ffmpeg), or write a .gif", out.display())
         }
+        Ended::Unread(reason) => format!("{}: ffmpeg failed: {reason}", out.display()),
         Ended::Badly { stderr, .. } => format!("{}: ffmpeg failed: {}", out.display(), stderr.trim()),
         Ended::Stopped => format!("{}: stopped", out.display()),
         Ended::Late { .. } => format!("{}: ffmpeg did not end within {} s", out.display(), ENCODING_LIMIT.as_secs()),

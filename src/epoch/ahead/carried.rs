@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use serde::{Deserialize, Serialize};
 
 use crate::kernel::{Digest, hex};
-use crate::llm::{Ask, AskError, Cassette, DrawSlot, Miss, Model, ModelError, Recorded, Reply, Request};
+use crate::llm::{Ask, AskError, Cassette, DrawSlot, Metadata, Miss, Recorded, Reply, Request};
 use crate::objects::LineageId;
 
 /// An answer by the key of its question and by its place.
@@ -24,14 +24,18 @@ pub struct RecordedAnswer {
     pub reply: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reply_hex: Option<String>,
+    /// What its model said about it, where a worker asked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub metadata: Option<Metadata>,
 }
 
 impl RecordedAnswer {
     pub fn of(answer: Digest, slot: DrawSlot, bytes: &[u8]) -> RecordedAnswer {
-        match std::str::from_utf8(bytes) {
-            Ok(text) => RecordedAnswer { answer, slot, reply: Some(text.to_string()), reply_hex: None },
-            Err(_) => RecordedAnswer { answer, slot, reply: None, reply_hex: Some(hex::encoded(bytes)) },
-        }
+        let (reply, reply_hex) = match std::str::from_utf8(bytes) {
+            Ok(text) => (Some(text.to_string()), None),
+            Err(_) => (None, Some(hex::encoded(bytes))),
+        };
+        RecordedAnswer { answer, slot, reply, reply_hex, metadata: None }
     }
 
     /// The bytes; `None` where there are none, or no hex digits.
@@ -58,8 +62,8 @@ impl RecordedAnswer {
 pub struct Carried<'a> {
     by_key: BTreeMap<Digest, &'a RecordedAnswer>,
     by_place: BTreeMap<&'a DrawSlot, Vec<&'a RecordedAnswer>>,
-    /// A model that can be asked here for what no answer was recorded of.
-    model: Option<&'a dyn Model>,
+    /// Models that can be asked here for what no answer was recorded of.
+    models: Option<&'a dyn Ask>,
     guesses: AtomicBool,
     met: Mutex<Met>,
 }
@@ -68,21 +72,21 @@ pub struct Carried<'a> {
 struct Met {
     /// How many questions of a place were answered by it: a critic may be asked once more.
     at: BTreeMap<DrawSlot, usize>,
-    /// What the model was asked here.
+    /// What the models were asked here.
     asked: BTreeMap<Digest, RecordedAnswer>,
 }
 
 impl<'a> Carried<'a> {
-    pub fn new(answers: &'a [RecordedAnswer], model: Option<&'a dyn Model>) -> Carried<'a> {
+    pub fn new(answers: &'a [RecordedAnswer], models: Option<&'a dyn Ask>) -> Carried<'a> {
         let mut by_place: BTreeMap<&DrawSlot, Vec<&RecordedAnswer>> = BTreeMap::new();
         answers.iter().for_each(|of| by_place.entry(&of.slot).or_default().push(of));
         let by_key = answers.iter().map(|of| (of.answer, of)).collect();
-        Carried { by_key, by_place, model, guesses: AtomicBool::new(false), met: Mutex::default() }
+        Carried { by_key, by_place, models, guesses: AtomicBool::new(false), met: Mutex::default() }
     }
 
-    /// Whether a model can be asked here.
+    /// Whether models can be asked here.
     pub fn asks(&self) -> bool {
-        self.model.is_some()
+        self.models.is_some()
     }
 
     /// Whether anything was recorded of an epoch.
@@ -95,7 +99,7 @@ impl<'a> Carried<'a> {
         self.guesses.store(true, Ordering::Relaxed);
     }
 
-    /// What the model said here, by the keys of its questions.
+    /// What the models said here, by the keys of its questions.
     pub fn asked(self) -> Vec<RecordedAnswer> {
         self.met.into_inner().unwrap_or_else(PoisonError::into_inner).asked.into_values().collect()
     }
@@ -109,15 +113,12 @@ impl<'a> Carried<'a> {
         recorded.get(*place - 1).copied()
     }
 
-    fn complete(&self, model: &dyn Model, request: &Request, key: Digest) -> Result<Vec<u8>, AskError> {
-        if let Some(before) = self.met.lock().unwrap_or_else(PoisonError::into_inner).asked.get(&key) {
-            return Ok(before.bytes().unwrap_or_default());
-        }
-        let failed = |error: ModelError| AskError::Model { model: request.model.name.clone(), error };
-        let bytes = model.complete(request).map_err(failed)?.bytes;
-        let answer = RecordedAnswer::of(key, request.slot.clone(), &bytes);
+    fn asked_here(&self, models: &dyn Ask, request: &Request, key: Digest) -> Result<Reply, AskError> {
+        let reply = models.ask(request)?;
+        let metadata = reply.metadata.clone();
+        let answer = RecordedAnswer { metadata, ..RecordedAnswer::of(key, request.slot.clone(), &reply.bytes) };
         self.met.lock().unwrap_or_else(PoisonError::into_inner).asked.insert(key, answer);
-        Ok(bytes)
+        Ok(reply)
     }
 }
 
@@ -128,9 +129,9 @@ impl Ask for Carried<'_> {
         let known = self.by_key.get(&key).copied();
         // A question with its own answer takes its turn at its place, too.
         let placed = if self.guesses.load(Ordering::Relaxed) { self.at_place(&request.slot) } else { None };
-        let bytes = match (known.or(placed).and_then(RecordedAnswer::bytes), self.model) {
+        let bytes = match (known.or(placed).and_then(RecordedAnswer::bytes), self.models) {
             (Some(bytes), _) => bytes,
-            (None, Some(model)) => self.complete(model, request, key)?,
+            (None, Some(models)) => return self.asked_here(models, request, key),
             (None, None) => {
                 let slot = request.slot.clone();
                 let (cassette, remedy) = ("the shard".to_string(), "plan the next round".to_string());

@@ -75,6 +75,8 @@ pub struct Wanted {
 pub struct Whole {
     /// Whether the plan makes the compile gate's trials itself: where models are asked by the plan, their answers go on from those.
     pub tries: bool,
+    /// Whether workers ask the models: an answer that is missing is theirs to get, like a record.
+    pub asked_elsewhere: bool,
 }
 
 #[derive(Default)]
@@ -101,6 +103,10 @@ impl Wanted {
 
     pub(in crate::epoch) fn tries(&self) -> bool {
         self.whole.is_some_and(|whole| whole.tries)
+    }
+
+    pub(in crate::epoch) fn asked_elsewhere(&self) -> bool {
+        self.whole.is_some_and(|whole| whole.asked_elsewhere)
     }
 
     pub(in crate::epoch) fn again(&self) -> bool {

@@ -7,6 +7,7 @@ use super::cost::{Asking, Meter};
 use super::progress::Progress;
 use super::situations::Situations;
 use super::study::Study;
+use crate::agents::AgentError;
 use crate::backend::Backend;
 use crate::compiler::Searched;
 use crate::epoch::RunError;
@@ -14,7 +15,7 @@ use crate::epoch::ahead::wanted::Wanted;
 use crate::epoch::labelling::made::Made;
 use crate::epoch::labelling::rollouts::Rollouts;
 use crate::kernel::{Digest, Kept, Threads};
-use crate::llm::Ask;
+use crate::llm::{Ask, AskError};
 use crate::objects::{LineageId, counsel::Vehicle};
 use crate::store::Transcript;
 
@@ -101,6 +102,15 @@ impl<'a> Tools<'a> {
         Tools { backend, ..self }
     }
 
+    /// Whether an error says that a plan cannot see further: a record is missing, or an answer that workers get themselves.
+    pub(in crate::epoch) fn is_wanting(&self, error: &RunError) -> bool {
+        match error {
+            RunError::Wanting => true,
+            RunError::Agent(AgentError::Ask(AskError::Miss(_))) => self.wanted.is_some_and(Wanted::asked_elsewhere),
+            _ => false,
+        }
+    }
+
     /// The same for a plan: what is missing is asked of `wanted`.
     pub fn planning(self, wanted: &'a Wanted) -> Tools<'a> {
         Tools { wanted: Some(wanted), ..self }
@@ -130,9 +140,13 @@ impl<'a> Tools<'a> {
         }
     }
 
-    /// How many of them are under way at the same time. A plan looks at one after the other.
-    pub(in crate::epoch) fn at_once(&self, together: usize) -> usize {
-        if self.wanted.is_some() { 1 } else { together }
+    /// How many of them are under way at the same time. A plan that waits for nobody looks at one after the other.
+    pub(in crate::epoch) fn at_once(&self, study: &Study, together: usize) -> usize {
+        match (self.wanted, self.open) {
+            (Some(_), None) => 1,
+            (Some(_), Some(open)) => (open / study.budget.slots.max(1) as usize).clamp(1, together.max(1)),
+            (None, _) => together,
+        }
     }
 
     /// `f` of items each of which asks questions, in item order.

@@ -37,6 +37,10 @@ pub struct ArchiveOptions {
     pub coverage_floor: f64,
     /// Who leads the lineage from one epoch to the next.
     pub promotion: PromotionRule,
+    /// How sure the gain of a child over its parent must be before it leads, 1: one-sided, over as many evolution scenes as it
+    /// takes. Without it whoever was accepted may lead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub race: Option<f64>,
 }
 
 /// An option of the archive that cannot be obeyed.
@@ -68,6 +72,16 @@ impl ArchiveOptions {
             check(name, value, (0.0..=1.0).contains(&value), "a number in [0, 1]")?;
         }
         check("level", self.level, (0.5..1.0).contains(&self.level), "a number in [0.5, 1)")?;
+        if let Some(level) = self.race {
+            check("race", level, (0.5..1.0).contains(&level), "a number in [0.5, 1)")?;
+            let one_leads = self.promotion == PromotionRule::LargestHypervolumeGain;
+            check(
+                "race",
+                level,
+                one_leads,
+                "none beside promotion = \"two_anchors\", whose leaders are no gain over one parent",
+            )?;
+        }
         let positive = self.epsilon_pf > 0.0 && self.epsilon_pf <= 1.0;
         check("epsilon_pf", self.epsilon_pf, positive, "a number in (0, 1]")
     }
@@ -108,7 +122,7 @@ pub fn consider(
         coverage: coverage_floor(&panel, options),
         differing_scenes: panel.differing(CHILD, PARENT),
         scenes: panel.scenes(),
-        method: None,
+        ..AcceptanceGates::default()
     })
 }
 
@@ -211,6 +225,7 @@ mod tests {
             level: 0.8,
             coverage_floor: 0.8,
             promotion: PromotionRule::LargestHypervolumeGain,
+            race: None,
         }
     }
 

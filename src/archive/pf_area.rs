@@ -36,6 +36,7 @@ mod tests {
             level: 0.8,
             coverage_floor: 0.8,
             promotion: PromotionRule::LargestHypervolumeGain,
+            race: None,
         };
         pf_area_pct(&all(parents), &all(descendants), k, &options)
     }

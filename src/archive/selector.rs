@@ -20,6 +20,24 @@ pub struct SelectorOptions {
     pub realism_min: f64,
     /// ε: share of the best attack that may be given up for realism, 1 (paper: 0.05).
     pub tolerance: f64,
+    /// Two further values of `realism_min` at which the finalists are chosen from as well, to be reported beside the active
+    /// generator: one point of a front says little.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub also_at: Option<[f64; 2]>,
+}
+
+impl SelectorOptions {
+    /// The values of `realism_min` that are reported beside the active generator's, and that one, in rising order; empty
+    /// where no further ones are declared.
+    pub fn floors(&self) -> Vec<f64> {
+        let mut all: Vec<f64> = self.also_at.iter().flatten().copied().collect();
+        if !all.is_empty() {
+            all.push(self.realism_min);
+        }
+        all.sort_by(f64::total_cmp);
+        all.dedup();
+        all
+    }
 }
 
 /// One candidate for selection.
@@ -111,7 +129,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const PAPER: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05 };
+    const PAPER: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05, also_at: None };
 
     fn contenders(points: &[[f64; 2]]) -> Vec<Contender> {
         let one = |(i, p): (usize, &[f64; 2])| Contender {

@@ -8,6 +8,7 @@ use crate::epoch::acceptance::consider::{Judged, consider, foretell};
 use crate::epoch::acceptance::evolve::evolve;
 use crate::epoch::acceptance::seal::seal;
 use crate::epoch::acceptance::settle::{Refit, settle};
+use crate::epoch::acceptance::shuffled::swapped;
 use crate::epoch::acceptance::{finale, search};
 use crate::epoch::ahead::walk::Walk;
 use crate::epoch::setting::desk::{Desk, Tools};
@@ -111,15 +112,17 @@ pub fn judge<'s>(
     for draft in drafts.iter().flatten() {
         foretell(study, &snapshot, draft, &judged, tools)?;
     }
-    for draft in drafts {
-        // "Y_t <- RealSimulatorEvaluate(...)".
-        let evaluated = evaluate(study, &snapshot, draft?, tools)?;
+    // "Y_t <- RealSimulatorEvaluate(...)".
+    let evaluated = drafts.into_iter().map(|draft| evaluate(study, &snapshot, draft?, tools));
+    let evaluated = evaluated.collect::<Result<Vec<_>, RunError>>()?;
+    judged.swapped = swapped(study, &snapshot, &evaluated);
+    for evaluated in evaluated {
         // "(accept, P_{t+1}) <- ParetoAccept(P_t, a_t)".
         let considered = consider(study, &snapshot, evaluated, &mut judged, tools)?;
         // "a_t <- BuildAttemptRecord(...)".
         judged.attempts.push(seal(&snapshot, considered));
     }
-    judged.decide(study, &snapshot);
+    judged.decide(study, &snapshot, tools)?;
     Ok((snapshot, judged))
 }
 

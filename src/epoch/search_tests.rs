@@ -39,7 +39,7 @@ fn searching(method: Method) -> Experiment {
         rollouts: Some(ROLLOUTS),
         attack_weight: Some(0.5).filter(|_| matches!(method, Method::OpenEvolve | Method::HillClimbing)),
         population: Some(3).filter(|_| method == Method::Nsga2),
-        edits_max: Some(3).filter(|_| method == Method::Random),
+        edits_max: Some(3).filter(|_| method.draws_patches()),
         openevolve: Some(openevolve).filter(|_| method == Method::OpenEvolve),
     });
     experiment
@@ -91,10 +91,7 @@ fn holds_everywhere(ran: &Ran, method: Method) {
         assert_eq!(attempt.parent, *parent, "{method:?}: {}", attempt.id);
         let verdict = attempt.exit.decision().map(|decision| decision.gates.method.as_ref());
         if let Some(verdict) = verdict {
-            assert_eq!(
-                verdict.map(|verdict| verdict.method.as_str()),
-                (method != Method::Pareto).then(|| method.name())
-            );
+            assert_eq!(verdict.map(|verdict| verdict.method.as_str()), method.replaces_gates().then(|| method.name()));
         }
     }
 }
@@ -136,6 +133,73 @@ fn attack_alone_accepts_more_attack_whatever_becomes_of_realism() {
     let led: Vec<f64> = ran.settled.iter().map(|settled| all[&settled.active].attack).collect();
     assert!(led.windows(2).all(|pair| pair[1] >= pair[0]), "{led:?}");
     assert!(accepted > 0, "nothing was accepted, so nothing was shown");
+}
+
+/// Under rotating windows, as the search that a null search is compared with.
+fn null(method: Method) -> Experiment {
+    let mut experiment = experiment(PromotionRule::LargestHypervolumeGain, 1);
+    experiment.search = Some(SearchOptions { rollouts: None, ..searching(method).search.unwrap() });
+    experiment
+}
+
+#[test]
+fn random_proposals_ask_nobody_and_may_lead() {
+    let ran = carried_out(&null(Method::RandomProposals));
+    assert!(roles(&ran).is_empty());
+    let labelled = ran.attempts.iter().filter(|attempt| attempt.exit.score().is_some()).count();
+    assert!(labelled > 0, "nothing was labelled, so nothing was shown");
+    for attempt in &ran.attempts {
+        let frozen = ran.frozen.iter().find(|frozen| frozen.epoch == attempt.epoch).unwrap();
+        let parent = frozen.second_parent(attempt.slot).map_or(&frozen.parent, |second| &second.parent);
+        assert_eq!(attempt.parent, *parent, "{}", attempt.id);
+        assert!(attempt.exit.decision().is_none_or(|decision| decision.gates.method.is_none()), "the gates decide");
+    }
+}
+
+#[test]
+fn shuffled_labels_are_another_candidates_and_decide_in_place_of_its_own() {
+    let ran = carried_out(&null(Method::ShuffledLabels));
+    let all = labels(&ran);
+    let mut swapped = 0;
+    for attempt in &ran.attempts {
+        let Some(decision) = attempt.exit.decision() else { continue };
+        let own = &attempt.exit.candidate().unwrap().program.solution_id;
+        let of = decision.gates.labels_of.as_ref().unwrap();
+        assert_ne!(of, own, "{}", attempt.id);
+        assert!(decision.race.is_none());
+        let frozen = ran.frozen.iter().find(|frozen| frozen.epoch == attempt.epoch).unwrap();
+        let beside = frozen.second_parent(attempt.slot).map_or(&frozen.parent_score, |second| &second.parent_score);
+        let attack = |of: &SolutionId| all.get(of).map(|labels| labels.attack);
+        let Some(theirs) = attack(of).filter(|_| decision.gates.scenes == frozen.window.len()) else { continue };
+        let change = decision.gates.parent_tradeoff.attack_change;
+        assert!((change - (theirs - beside.objectives.attack)).abs() < 1e-9, "{}: {change}", attempt.id);
+        swapped += usize::from(attack(own) != attack(of));
+    }
+    assert!(swapped > 0, "no candidate was judged by other labels than its own");
+}
+
+#[test]
+fn whoever_leads_has_shown_its_gain_on_as_many_scenes_as_that_took() {
+    let mut raced = experiment(PromotionRule::LargestHypervolumeGain, 1);
+    let plain = carried_out(&raced);
+    let led = |ran: &Ran| ran.attempts.iter().filter(|a| a.exit.decision().is_some_and(|d| d.promoted)).count();
+    raced.archive.race = Some(0.95);
+    let ran = carried_out(&raced);
+    let decisions = || ran.attempts.iter().filter_map(|attempt| attempt.exit.decision());
+    let races: Vec<_> =
+        decisions().filter_map(|decision| decision.race.as_ref().map(|race| (decision, race))).collect();
+    for (decision, race) in &races {
+        assert_eq!(race.shown, decision.promoted);
+        let (last, before) = race.looks.split_last().unwrap();
+        assert_eq!(last.gates.any(), race.shown);
+        assert!(before.iter().all(|look| !look.gates.any()), "a race goes on only while nothing is shown");
+        assert!(race.looks.windows(2).all(|pair| pair[0].gates.scenes < pair[1].gates.scenes));
+        // Each look has its part of 1 - 0.95.
+        assert!(race.looks.iter().all(|look| look.level >= 0.95));
+    }
+    assert!(decisions().all(|decision| !decision.promoted || decision.race.is_some()));
+    assert!(races.iter().any(|(_, race)| !race.shown), "luck was not tried");
+    assert!(led(&ran) < led(&plain), "{} lead, without a race {}", led(&ran), led(&plain));
 }
 
 #[test]

@@ -35,6 +35,9 @@ pub const OF_KIND_MIN: usize = 20;
 const WHEELED: [AgentKind; 2] = [AgentKind::Vehicle, AgentKind::Cyclist];
 /// Smallest tolerance of a displacement that rolling does not explain, metres.
 const UNROLLED_RESOLUTION_M: f64 = 0.3;
+/// Least bound of a displacement that wheels do not make, metres: about the error of a tracked place. Recordings whose places were
+/// smoothed show less, and noisy ones would fail by it.
+const UNROLLED_FLOOR_M: f64 = 0.05;
 /// Smallest tolerance of a speed, m/s.
 const SPEED_RESOLUTION_MPS: f64 = 1.0;
 /// 130 km/h: the general limit on motorways in most of Europe.
@@ -142,7 +145,10 @@ pub fn with_of_kind(calibration: Calibration, observed: &[Observed], quantile: f
         let kinds: &[AgentKind] = if enough { &[kind] } else { &WHEELED };
         let limits = if enough { self::limits(&motions, quantile, motions.len(), false) } else { pooled };
         Limits {
-            unrolled_m: Some(bounded(bound(&values(|of| of.unrolled_m, kinds), quantile), UNROLLED_RESOLUTION_M)),
+            unrolled_m: Some(bounded(
+                bound(&values(|of| of.unrolled_m, kinds), quantile).max(UNROLLED_FLOOR_M),
+                UNROLLED_RESOLUTION_M,
+            )),
             speed_mps: Some(bounded(published_mps.max(seen_mps), SPEED_RESOLUTION_MPS)),
             ..limits
         }

@@ -309,7 +309,7 @@ mod tests {
     use super::*;
     use crate::objects::Objectives;
 
-    const PAPER: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05 };
+    const PAPER: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05, also_at: None };
 
     /// Rows of points (attack, realism, coverage), the parent first, with the reasons of the choice among them.
     fn standings(points: &[[f64; 3]]) -> (Vec<Standing>, String) {

@@ -11,6 +11,7 @@ pub mod claims;
 pub mod composition_text;
 pub mod counsel_text;
 pub mod credit;
+pub mod credit_table;
 pub mod data;
 pub mod differing;
 pub mod downstream;

@@ -685,6 +685,30 @@ fn safebench() -> Vec<Key> {
 }
 
 fn acceptance() -> Vec<Key> {
+    let mut keys = table(
+        || Optional,
+        vec![
+            (
+                "archive.race",
+                "",
+                "",
+                Number(0.5, 0.999),
+                "Confidence of the gain over its parent that a child must show before it leads, on as many evolution scenes as that takes.",
+            ),
+            (
+                "selector.also_at",
+                "",
+                "",
+                Pair(0.0, 1.0),
+                "Two further values of `realism_min` at which tables give the attack that the finalists reach.",
+            ),
+        ],
+    );
+    keys.splice(0..0, acceptance_always());
+    keys
+}
+
+fn acceptance_always() -> Vec<Key> {
     required(vec![
         ("archive.reference", "", "", Pair(0.0, 1.0), "Reference point of the hypervolume: attack, realism."),
         ("archive.r0", "r_0", "", SHARE, "Where the high-realism region begins."),
@@ -848,7 +872,7 @@ fn search() -> Vec<Key> {
             "",
             "",
             Word(|| Method::ALL.map(|method| method.name().to_string()).to_vec()),
-            "Who decides what is kept and edited; `pareto` is the archive's own, as without this table.",
+            "Who decides what is kept and edited; `pareto` is the archive's own, as without this table. `random_proposals` and `shuffled_labels` are null searches: the archive's own with random patches, or with another candidate's labels.",
         )],
     );
     keys.extend(table(
@@ -860,7 +884,7 @@ fn search() -> Vec<Key> {
         vec![("search.population", "", "programs", Whole(2, 1000), "Most members of the population.")],
     ));
     keys.extend(table(
-        || Of("search.method", &["random"]),
+        || Of("search.method", &["random", "random_proposals"]),
         vec![("search.edits_max", "", "edits", Whole(1, 8), "Most edits of a random patch.")],
     ));
     keys.extend(table(|| Of("search.method", &["openevolve"]), openevolve()));

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::Experiment;
-use crate::llm::{Drawn, Here, ModelSpec};
+use crate::llm::{Drawn, Here, ModelSpec, client::SCRIPTED};
 use crate::objects::Role;
 
 /// The model of each role.
@@ -30,6 +30,12 @@ pub fn asked(experiment: &Experiment) -> BTreeSet<&str> {
     let options = |name: &String| experiment.models.get(name);
     let drawn = experiment.roles.values().filter_map(options).flat_map(|options| options.shares.keys());
     experiment.roles.values().chain(drawn).map(String::as_str).collect()
+}
+
+/// Whether every question goes to the scripted model, which answers it alike every time: such answers need not be kept.
+pub fn is_scripted(experiment: &Experiment) -> bool {
+    let scripted = |name: &&str| experiment.models.get(*name).is_some_and(|options| options.kind == SCRIPTED);
+    asked(experiment).iter().all(scripted)
 }
 
 /// Which models answered which roles, in one line.

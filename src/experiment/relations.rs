@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 
 use super::{ContractMark, Experiment, LineageOptions, ModelOptions, OptionError, ParentProgram, SceneSource};
 use crate::adapters::Contract;
-use crate::archive::search::Method;
 use crate::evaluation::EvaluationOptions;
 use crate::families;
 use crate::llm::client;
@@ -62,7 +61,7 @@ fn searched(experiment: &Experiment) -> Result<(), OptionError> {
         let why = "nothing: it would not count the rollouts of [world.routing.pilot]; remove one of the two";
         return Err(OptionError::new("search.rollouts", rollouts, why));
     }
-    let Some(search) = experiment.search.as_ref().filter(|search| search.method != Method::Pareto) else {
+    let Some(search) = experiment.search.as_ref().filter(|search| search.method.replaces_gates()) else {
         return Ok(());
     };
     if experiment.evaluation.safebench().is_some() {

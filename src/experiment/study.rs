@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use super::{Experiment, ExperimentError, models};
 use crate::agents::contract_text;
-use crate::archive::search::Method;
 use crate::epoch::{Budget, LineageSpec, SceneEntry, Start, Study, Without};
 use crate::families;
 use crate::kernel::{Seed, Threads};
@@ -31,7 +30,7 @@ impl Experiment {
                 pool.scenes.len()
             )));
         }
-        let rival = self.search.as_ref().filter(|search| search.method != Method::Pareto);
+        let rival = self.search.as_ref().filter(|search| search.method.replaces_gates());
         if let Some(rival) = rival.filter(|_| self.split.window != split.evolution.len()) {
             return Err(self.problem(format!(
                 "split.window is {}, expected all {} evolution scenes, because search.method is {:?}: its programs are compared across \

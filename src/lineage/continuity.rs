@@ -202,7 +202,7 @@ mod tests {
                     failures: Vec::new(),
                     benchmark: None,
                 },
-                decision: Decision { promoted: accepted, on_front: accepted, gates: Box::new(gates) },
+                decision: Decision { promoted: accepted, on_front: accepted, gates: Box::new(gates), race: None },
             },
         }
     }

@@ -120,6 +120,7 @@ fn evaluated(tags: &[&str], routed: Route, labels: [f64; 2], accepted: bool) -> 
         decision: Decision {
             promoted: false,
             on_front: accepted,
+            race: None,
             gates: Box::new(AcceptanceGates {
                 densification: Densification { holds: accepted, non_dominated: accepted, ..Densification::default() },
                 parent_tradeoff: ParentTradeoff {

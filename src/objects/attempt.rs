@@ -318,6 +318,29 @@ pub struct Decision {
     pub on_front: bool,
     /// The acceptance gates.
     pub gates: Box<AcceptanceGates>,
+    /// What came of the race that decides whether it may lead; `None` where it did not come to that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub race: Option<Race>,
+}
+
+/// A child beside its parent on more and more evolution scenes, until its gain is shown or nothing is left to show.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Race {
+    /// Whether the gain was shown.
+    pub shown: bool,
+    /// Each comparison, on the scenes of the one before it and further ones.
+    pub looks: Vec<Look>,
+}
+
+/// One comparison of a race.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Look {
+    /// Confidence at which it had to show the gain, 1.
+    pub level: f64,
+    /// What the gates say of it beside its parent alone.
+    pub gates: Box<AcceptanceGates>,
 }
 
 /// The three acceptance gates (paper, section Simulator Evaluation and Pareto Archive) with what they compared, and the two
@@ -340,6 +363,9 @@ pub struct AcceptanceGates {
     /// Where another method than the three gates decides: what it says. The gates above are told all the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method: Option<MethodVerdict>,
+    /// Under shuffled labels: the candidate of the same epoch whose labels were compared in its place.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub labels_of: Option<SolutionId>,
 }
 
 /// What another search method than the gates says of a child.

@@ -328,6 +328,10 @@ pub struct LineageResult {
     pub cut: Vec<SolutionId>,
     /// The best evaluated descendant of the local trace.
     pub endpoint: Option<Measured>,
+    /// Whom the rule chooses at other values of `realism_min`, that of the active generator among them, in rising order; empty
+    /// where the experiment declares none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub at_realism: Vec<AtRealism>,
     /// Matched-budget frontier gain, percent (paper eq. app-pf-area, k = 3).
     pub pf_area_at_3_pct: f64,
     /// In SafeBench's protocol: the gain of every group (`family/route`); the field above is their mean.
@@ -341,6 +345,17 @@ pub struct LineageResult {
     pub exits: ExitCounts,
     /// Number of held-out scenes that were labelled.
     pub held_out_scenes: usize,
+}
+
+/// The program that the rule chooses at one value of `realism_min`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AtRealism {
+    /// Least realism on evolution scenes, 1.
+    pub realism_min: f64,
+    /// Whether it reaches that; else it is the most realistic one.
+    pub reached: bool,
+    /// The program on the held-out scenes. It may be the parent.
+    pub chosen: Measured,
 }
 
 /// A program with its held-out objectives.

@@ -103,12 +103,9 @@ impl Drive {
         }
     }
 
-    /// Whether the ego caused its contact, or a careful one would have avoided it.
+    /// Whether a careful driver would have prevented its contact.
     pub fn is_preventable(&self) -> bool {
-        let caused = |class| {
-            matches!(class, ContactClass::EgoStrikes | ContactClass::EgoSideswipes | ContactClass::StationaryHit)
-        };
-        self.contact.is_some_and(|met| caused(met.class) || met.avoidable == Some(true))
+        self.contact.is_some_and(|met| met.class.could_be_prevented(met.avoidable))
     }
 
     /// In a few words.

@@ -373,6 +373,7 @@ fn a_program_that_acts_nowhere_has_neither_attack_nor_realism_and_adds_no_area()
         level: 0.8,
         coverage_floor: 0.8,
         promotion: evodrive::archive::PromotionRule::LargestHypervolumeGain,
+        race: None,
     };
     let parent = evodrive::objects::Objectives { attack: 0.3, realism: 0.6 };
     assert_eq!(pf_area_pct(&[parent], &[score.objectives], 3, &options), 0.0);

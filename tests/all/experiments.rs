@@ -2,6 +2,7 @@
 
 use evodrive::ego::network::Mlp;
 use evodrive::ego::{Policy, Setting, Weights};
+use evodrive::evaluation::EvaluationOptions;
 use evodrive::experiment::{Experiment, SceneSource, composed};
 use evodrive::families::sources;
 use evodrive::kernel::{Digest, Threads};
@@ -53,7 +54,8 @@ fn a_note_on_a_seed_goes_with_its_own_file_and_seeds_alone_and_moves_no_digest()
 
 #[test]
 fn every_experiment_file_is_read_and_names_families_and_parameters_that_exist() {
-    let folders = ["", "/ablations", "/llm", "/metadrive", "/safebench", "/world"].map(|of| format!("experiments{of}"));
+    let folders = ["", "/ablations", "/llm", "/metadrive", "/readings", "/safebench", "/world"]
+        .map(|of| format!("experiments{of}"));
     let paths = folders.iter().map(|of| files(of)).collect::<Vec<_>>().concat();
     assert!(paths.len() >= 17, "{paths:?}");
     let (families, mut names) = (sources(), BTreeSet::new());
@@ -115,6 +117,39 @@ fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
     together.sort();
     learned.sort();
     assert_eq!((all.len(), &all, &all), (10, &together, &learned));
+}
+
+#[test]
+fn both_readings_and_the_null_searches_share_scenes_seeds_and_lineages_and_differ_in_what_they_are_about() {
+    let mut lineages: BTreeSet<Vec<LineageId>> = BTreeSet::new();
+    let mut shared = BTreeSet::new();
+    for path in files("experiments/readings") {
+        let experiment = read(&path);
+        let stem = path.file_stem().unwrap().to_str().unwrap();
+        assert_eq!(experiment.name, format!("metadrive-{stem}"));
+        assert_eq!((experiment.seeds, experiment.split.held_out), (10, 400), "{stem}");
+        assert_eq!(experiment.archive.race, Some(0.95), "{stem}");
+        assert_eq!(experiment.selector.floors(), [0.9, 0.95, 0.98], "{stem}");
+        let method = experiment.search.as_ref().map(|search| search.method.name());
+        let EvaluationOptions::Metadrive(evaluation) = &experiment.evaluation else { panic!("{stem}") };
+        let published = evaluation.attack.counts.len() == 8;
+        match stem {
+            "published-idm" | "published-sac" => assert!(published && method.is_none(), "{stem}"),
+            "preventable-idm" => assert!(!published && method.is_none() && experiment.fixed_bodies, "{stem}"),
+            "null-random-idm" => assert!(published && method == Some("random_proposals"), "{stem}"),
+            "null-shuffled-idm" => assert!(published && method == Some("shuffled_labels"), "{stem}"),
+            other => panic!("{other}: unknown here"),
+        }
+        let ids: Vec<LineageId> = experiment.lineages.iter().map(|lineage| as_idm(lineage.id.clone())).collect();
+        assert!(ids.is_sorted(), "{stem}: the order of lineages is that of the evaluator's labels");
+        lineages.insert(ids);
+        let mut table = composed(&path).unwrap().table;
+        for own in ["name", "describes", "cassette", "lineage", "search", "fixed_bodies", "simulator", "evaluation"] {
+            table.remove(own);
+        }
+        shared.insert(toml::to_string(&table).unwrap());
+    }
+    assert_eq!((lineages.len(), shared.len()), (1, 1));
 }
 
 /// The id of the same lineage against IDM.

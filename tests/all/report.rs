@@ -10,7 +10,7 @@ use crate::harness::report_data;
 use crate::quickstart::finished;
 
 /// As in the quickstart.
-const SELECTOR: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05 };
+const SELECTOR: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05, also_at: None };
 
 fn attempts(run: &RecordedRun) -> Vec<Value> {
     report_data(&html(run, &Stage::default(), &Beside { selector: &SELECTOR, cost: None, agreement: None, live: None }))

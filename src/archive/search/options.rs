@@ -22,12 +22,34 @@ pub enum Method {
     HillClimbing,
     /// NSGA-II by attack and realism, one child at a time (Deb et al. 2002; the (mu + 1) form of Durillo et al. 2009).
     Nsga2,
+    /// A null search: the whole system, but every proposal is a random legal patch of the program that leads. No model is asked.
+    RandomProposals,
+    /// A null search: the whole system, but acceptance and promotion see the labels of another candidate of the same epoch.
+    ShuffledLabels,
 }
 
 impl Method {
     /// All of them.
-    pub const ALL: [Method; 6] =
-        [Method::Pareto, Method::AttackOnly, Method::OpenEvolve, Method::Random, Method::HillClimbing, Method::Nsga2];
+    pub const ALL: [Method; 8] = [
+        Method::Pareto,
+        Method::AttackOnly,
+        Method::OpenEvolve,
+        Method::Random,
+        Method::HillClimbing,
+        Method::Nsga2,
+        Method::RandomProposals,
+        Method::ShuffledLabels,
+    ];
+
+    /// Whether it decides in place of the archive's gates. A null search does not: it takes away what the gates go by.
+    pub fn replaces_gates(self) -> bool {
+        !matches!(self, Method::Pareto | Method::RandomProposals | Method::ShuffledLabels)
+    }
+
+    /// Whether its proposals are random patches.
+    pub fn draws_patches(self) -> bool {
+        matches!(self, Method::Random | Method::RandomProposals)
+    }
 
     /// The word in experiment files.
     pub fn name(self) -> &'static str {
@@ -38,6 +60,8 @@ impl Method {
             Method::Random => "random",
             Method::HillClimbing => "hill_climbing",
             Method::Nsga2 => "nsga2",
+            Method::RandomProposals => "random_proposals",
+            Method::ShuffledLabels => "shuffled_labels",
         }
     }
 }
@@ -74,14 +98,15 @@ impl SearchOptions {
 
     /// Whether proposals are reviewed by critics.
     pub fn has_critics(&self) -> bool {
-        !matches!(self.method, Method::OpenEvolve | Method::Random)
+        self.method != Method::OpenEvolve && !self.method.draws_patches()
     }
 
     /// The rule of acceptance as prompts tell it; `None` for the system's own.
     pub fn described(&self) -> Option<String> {
         let same = "A child is compared with its parent on the same scenes.";
         match self.method {
-            Method::Pareto => None,
+            // Agents are not told that labels are shuffled: they work as in the search that this one is compared with.
+            Method::Pareto | Method::ShuffledLabels => None,
             Method::AttackOnly => Some(format!(
                 "{same} It is accepted if it has more attack, at the confidence of the experiment; realism does not count."
             )),
@@ -97,7 +122,7 @@ impl SearchOptions {
                  in attack and realism."
                     .into(),
             ),
-            Method::Random => Some("Nobody is asked.".into()),
+            Method::Random | Method::RandomProposals => Some("Nobody is asked.".into()),
         }
     }
 }

@@ -52,7 +52,12 @@ impl SearchState {
                 Some(SearchState::OpenEvolve(Box::new(database)))
             }
             Method::Nsga2 => Some(SearchState::Nsga2(vec![(parent.solution.clone(), parent.objectives)])),
-            Method::Pareto | Method::AttackOnly | Method::Random | Method::HillClimbing => None,
+            Method::Pareto
+            | Method::AttackOnly
+            | Method::Random
+            | Method::HillClimbing
+            | Method::RandomProposals
+            | Method::ShuffledLabels => None,
         }
     }
 

@@ -11,6 +11,7 @@ use crate::archive::SelectorOptions;
 use crate::backend::{Answers, Planners};
 use crate::candidates::apply;
 use crate::cli::evolve::behind::{self, Asked};
+use crate::cli::look::table::Format;
 use crate::cli::records::folder::RunFolder;
 use crate::cli::records::run_name::OneRun;
 use crate::cli::scenes::files;
@@ -21,6 +22,7 @@ use crate::epoch::{Applied, SceneEntry};
 use crate::evidence::RecordedRun;
 use crate::evidence::choice::Choice;
 use crate::evidence::credit::{Credit, EditCredit, Gain};
+use crate::evidence::credit_table::credits as credits_table;
 use crate::evidence::tables::Drawn;
 use crate::experiment::ProgramFile;
 use crate::families;
@@ -38,6 +40,9 @@ pub struct Options {
     /// Take operations out one by one, not whole patches.
     #[arg(long)]
     pub operations: bool,
+    /// Write a table, as `table` does; without it what it says in words.
+    #[arg(long)]
+    pub format: Option<Format>,
     /// Driver under test, where the run's is not built in: the weights of a learned one (a file that ends in .safetensors).
     #[arg(long)]
     pub ego: Option<String>,
@@ -72,6 +77,10 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         let whose = lineage.map_or("every lineage's parent".to_string(), |name| format!("the parent of {name}"));
         let text = format!("the run reports {whose}: there is no edit to give credit to\n");
         return Ok(Answer::new(text, json!({"credits": credits})));
+    }
+    if let Some(format) = options.format {
+        let table = credits_table(&run, &credits).map_err(Failure::bad_input)?;
+        return Ok(Answer::exact(format.text(&table), table.json()));
     }
     let texts: Vec<String> = credits.iter().map(|credit| credit.text(stdout_width().unwrap_or(usize::MAX))).collect();
     Ok(Answer::new(texts.join("\n"), json!({"credits": credits})))

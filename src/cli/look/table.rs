@@ -32,6 +32,8 @@ pub enum Which {
     MetadriveContacts,
     /// MetaDrive: attack by three readings: as searched, as published work counts, and what could have been prevented.
     MetadriveReadings,
+    /// MetaDrive: gains at floors of realism, in absolute areas, and over null searches; name the search first.
+    MetadriveGains,
     /// SafeBench: one row per generator, the parent's scenes against those after the last round.
     SafebenchMain,
     /// SafeBench: every round by traffic family, one part per generator.
@@ -80,6 +82,17 @@ pub enum Format {
     Latex,
 }
 
+impl Format {
+    /// A table written so.
+    pub fn text(self, table: &Table) -> String {
+        match self {
+            Format::Markdown => tables::markdown(table),
+            Format::Csv => tables::csv(table),
+            Format::Latex => tables::latex(table),
+        }
+    }
+}
+
 pub fn run(options: &Options) -> Result<Answer, Failure> {
     let runs = options.runs.folders()?.iter().map(RunFolder::recorded).collect::<Result<Vec<_>, _>>()?;
     let table = options.table.of(&runs).map_err(Failure::bad_input)?;
@@ -87,9 +100,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     let object = table.json();
     Ok(match (options.format, stdout_width()) {
         (None, Some(width)) => Answer::new(tables::plain(&table, width), object),
-        (None | Some(Format::Markdown), _) => Answer::exact(tables::markdown(&table), object),
-        (Some(Format::Csv), _) => Answer::exact(tables::csv(&table), object),
-        (Some(Format::Latex), _) => Answer::exact(tables::latex(&table), object),
+        (format, _) => Answer::exact(format.unwrap_or(Format::Markdown).text(&table), object),
     })
 }
 

@@ -62,7 +62,7 @@ fn row(arg: &Arg) -> String {
         .filter(|value| !value.is_hide_set())
         .map(|value| format!("`{}`", value.get_name()))
         .collect();
-    if takes_value(arg) && !known.is_empty() && known.len() <= 12 {
+    if takes_value(arg) && !known.is_empty() && known.len() <= 16 {
         let _ = write!(help, " One of {}.", known.join(", "));
     }
     let default: Vec<String> = arg.get_default_values().iter().map(|value| value.to_string_lossy().into()).collect();

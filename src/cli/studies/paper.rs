@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use crate::cli::evolve::job_args::{JobArgs, RunArgs};
+use crate::cli::evolve::job_args::{JobArgs, RecordArgs, RunArgs};
 use crate::cli::evolve::run::{self, Job};
 use crate::cli::look::figure;
 use crate::cli::look::table::Which as WhichTable;
@@ -22,12 +22,15 @@ use crate::evidence::claims::{csv as claims_csv, latex as claims_latex, markdown
 use crate::evidence::downstream as evidence_downstream;
 use crate::evidence::paper::{Piece, Plan, What, numbers, of_agreement, plan, typed_numbers, unknown_numbers};
 use crate::evidence::tables::{self, Table};
+use crate::experiment::is_scripted;
 use crate::kernel::Digest;
 use crate::store;
 use crate::text::counted;
 
 /// Bytes that a golden or a file of the paper may have.
 const BYTES_MAX: u64 = 1 << 26;
+/// What stands in the place of a cassette's digest where answers are made anew.
+const NOT_KEPT: &str = "none is kept: the scripted model answers again";
 /// What a full form makes beside its pieces.
 const WHOLE: [&str; 5] = ["claims.md", "claims.csv", "claims.tex", "numbers.tex", "provenance.toml"];
 
@@ -79,8 +82,8 @@ type Made = BTreeMap<String, Vec<u8>>;
 struct Ran {
     recorded_runs: BTreeMap<String, RecordedRun>,
     folders: BTreeMap<String, RunFolder>,
-    /// Experiment file, and digest of its cassette.
-    sources: BTreeMap<String, (String, Digest)>,
+    /// Experiment file, and digest of its cassette, or that none is kept.
+    sources: BTreeMap<String, (String, String)>,
 }
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
@@ -127,12 +130,17 @@ fn carry_out(plan: &Plan, wanted: &[&Piece], all: bool, options: &Options, jobs:
             set: Vec::new(),
         };
         let made = Job::new(&job, jobs)?;
-        let cassette = store::digest_of_file(&made.cassette(&job), 1 << 30)?;
         let folder =
             RunFolder::of(&options.runs, &made.experiment.name, made.experiment.digest()?, made.scenes.digest())?;
+        let cassette = made.cassette(&job);
+        let is_kept = cassette.exists() || !is_scripted(&made.experiment);
+        let cassette = if is_kept { store::digest_of_file(&cassette, 1 << 30)?.to_hex() } else { NOT_KEPT.into() };
         if !options.as_recorded {
             progress(format!("paper: run {} of {}", planned.name, planned.experiment));
-            let (done, took) = timed::timed(|| run::run(&RunArgs { job, no_report: true }, jobs));
+            let (done, took) = timed::timed(|| match is_kept {
+                true => run::run(&RunArgs { job, no_report: true }, jobs),
+                false => recorded(job, folder.cassette_beside(), jobs),
+            });
             done?;
             progress(format!("paper: {} took {:.0} s", planned.name, took.as_secs_f64()));
         }
@@ -141,6 +149,13 @@ fn carry_out(plan: &Plan, wanted: &[&Piece], all: bool, options: &Options, jobs:
         ran.sources.insert(planned.name.clone(), (planned.experiment.clone(), cassette));
     }
     Ok(ran)
+}
+
+/// Carries a run out whose answers nobody keeps, because the scripted model gives them again.
+fn recorded(job: JobArgs, cassette: PathBuf, jobs: usize) -> Result<Answer, Failure> {
+    let job = JobArgs { cassette: Some(cassette), ..job };
+    let args = RecordArgs { run: RunArgs { job, no_report: true }, fresh: false, overwrite: true, open: None };
+    run::record(&args, jobs)
 }
 
 impl Ran {
@@ -243,8 +258,7 @@ fn provenance(wanted: &[&Piece], ran: &Ran, made: &Made) -> Result<String, Failu
         .recorded_runs
         .iter()
         .map(|(name, recorded)| {
-            let (experiment, cassette) =
-                ran.sources.get(name).map_or_else(Default::default, |(file, digest)| (file.clone(), digest.to_hex()));
+            let (experiment, cassette) = ran.sources.get(name).cloned().unwrap_or_default();
             let opened = &recorded.opened;
             let object = json!({
                 "experiment": experiment,

@@ -141,7 +141,11 @@ impl Freezing<'_> {
 
     /// A program that does nothing in a scene makes no case of it.
     fn keeps(&self, label: &Outcome) -> bool {
-        let preventable = || label.contact.is_some_and(|contact| contact.adversary && contact.avoidable == Some(true));
+        let preventable = || {
+            label
+                .contact
+                .is_some_and(|contact| contact.adversary && contact.class.could_be_prevented(contact.avoidable))
+        };
         label.acted() && (!self.preventable_only || preventable())
     }
 }

@@ -1,6 +1,8 @@
 //! The acceptor's judgement: what the archive says of each labelled candidate, in slot order, and who leads from now on.
 //! Works on copies; the state changes in `settle` alone.
 
+use super::race::race;
+use super::shuffled::Swapped;
 use super::{rival, search};
 use crate::archive::search::SearchState;
 use crate::archive::{self, Archive, Contender, Leaders, promote};
@@ -15,7 +17,8 @@ use crate::epoch::slots::draft::{Considered, Draft, Reached, RoutedCandidate};
 use crate::kernel::Digest;
 use crate::objects::entry::diagnostics_mean;
 use crate::objects::{
-    AcceptanceGates, Attempt, AttemptId, Candidate, Decision, Entry, Exit, Program, Score, Slot, SolutionId, WorldLabel,
+    AcceptanceGates, Attempt, AttemptId, Candidate, Decision, Entry, Exit, Program, Race, Score, Slot, SolutionId,
+    WorldLabel,
 };
 use crate::sim::SIM_VERSION;
 
@@ -30,6 +33,8 @@ pub struct Judged {
     pub leaders: Option<Leaders>,
     /// What another method than the archive's own remembers.
     pub search: Option<SearchState>,
+    /// Under shuffled labels: whose labels each slot's candidate is judged by.
+    pub swapped: Swapped,
 }
 
 impl Judged {
@@ -37,11 +42,12 @@ impl Judged {
     pub fn before(snapshot: &Snapshot<'_>) -> Judged {
         let (archive, standing) = (snapshot.archive.clone(), snapshot.standing.clone());
         let search = snapshot.search.clone();
-        Judged { attempts: Vec::new(), archive, labels: Vec::new(), standing, leaders: None, search }
+        let swapped = Swapped::new();
+        Judged { attempts: Vec::new(), archive, labels: Vec::new(), standing, leaders: None, search, swapped }
     }
 
     /// Decides who leads, and writes what the epoch as a whole decided into its attempts, before they are sealed.
-    pub fn decide(&mut self, study: &Study, snapshot: &Snapshot<'_>) {
+    pub fn decide(&mut self, study: &Study, snapshot: &Snapshot<'_>, tools: &Tools<'_>) -> Result<(), RunError> {
         let contender = |solution: &SolutionId| {
             let score = &self.standing.get(solution)?.so_far;
             Some(Contender { solution: solution.clone(), objectives: score.objectives, coverage: score.coverage })
@@ -49,18 +55,47 @@ impl Judged {
         let front: Vec<Contender> = snapshot.archive.front().filter_map(|entry| contender(&entry.solution)).collect();
         let parents: Vec<Contender> =
             snapshot.parents.iter().filter_map(|parent| contender(&parent.program.solution_id)).collect();
-        let accepted: Vec<Contender> = self.attempts.iter().filter_map(accepted).filter_map(contender).collect();
+        let judged_by = |attempt: &Attempt| {
+            let own = contender(accepted(attempt)?)?;
+            let swapped = self.swapped.get(&attempt.slot).map(|(_, score)| (score.objectives, score.coverage));
+            let (objectives, coverage) = swapped.unwrap_or((own.objectives, own.coverage));
+            Some(Contender { objectives, coverage, ..own })
+        };
+        let mut accepted: Vec<Contender> = self.attempts.iter().filter_map(judged_by).collect();
         let options = &study.archive;
+        let mut races: Vec<(SolutionId, Race)> = Vec::new();
         self.leaders = match study.rival() {
-            None => promote(options.promotion, &front, &parents, &accepted, options.reference),
             Some(rival) => search::lead(rival, &parents, &accepted),
+            None => loop {
+                let led = promote(options.promotion, &front, &parents, &accepted, options.reference);
+                // Where labels are shuffled, a race would see the true ones.
+                let level = options.race.filter(|_| self.swapped.is_empty());
+                let (Some(leaders), Some(level)) = (&led, level) else { break led };
+                let Some((slot, candidate)) = self.child(&leaders.active) else { break led };
+                let race = race(study, snapshot, (slot, candidate), level, tools)?;
+                let shown = race.shown;
+                races.push((leaders.active.clone(), race));
+                if shown {
+                    break led;
+                }
+                // The next one in line, until one shows its gain.
+                accepted.retain(|child| child.solution != leaders.active);
+            },
         };
         for attempt in &mut self.attempts {
             let Exit::Evaluated { candidate, decision, .. } = &mut attempt.exit else { continue };
             let solution = &candidate.program.solution_id;
             decision.on_front = self.archive.on_front(solution);
             decision.promoted = self.leaders.as_ref().is_some_and(|led| led.names(solution));
+            decision.race = races.iter().find(|(raced, _)| raced == solution).map(|(_, race)| race.clone());
         }
+        Ok(())
+    }
+
+    /// The epoch's labelled candidate of this name, with its slot.
+    fn child(&self, solution: &SolutionId) -> Option<(u32, &Candidate)> {
+        let of = self.attempts.iter().filter_map(|attempt| Some((attempt.slot, attempt.exit.candidate()?)));
+        of.into_iter().find(|(_, candidate)| candidate.program.solution_id == *solution)
     }
 }
 
@@ -109,7 +144,7 @@ pub fn foretell(
     tools: &Tools<'_>,
 ) -> Result<(), RunError> {
     let Reached::Routed { routed, .. } = &draft.reached else { return Ok(()) };
-    if tools.wanted.is_none() || routed.is_rejected() {
+    if tools.wanted.is_none() || routed.is_rejected() || !judged.swapped.is_empty() {
         return Ok(());
     }
     let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
@@ -135,15 +170,20 @@ fn accept(
     tools: &Tools<'_>,
 ) -> Result<Decision, RunError> {
     let parent = &snapshot.parent_of(slot).program.solution_id;
-    let mut gates = compared(study, judged, parent, window, tools, |standing| &standing.window)?;
+    let swapped = judged.swapped.get(&slot).cloned();
+    let judged_by = swapped.as_ref().map_or(window, |(_, score)| score);
+    let mut gates = compared(study, judged, parent, judged_by, tools, |standing| &standing.window)?;
+    gates.labels_of = swapped.as_ref().map(|(solution, _)| solution.clone());
     gates.method = rival::verdict(study, snapshot, slot, (candidate, window), &gates, &mut judged.search);
     gates.parent_tradeoff.holds &= !study.without.tradeoff;
     let mut score = window.clone();
     if gates.any() && snapshot.so_far.len() > snapshot.window.len() {
         let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
         score = labelling.score((&candidate.program, candidate.program_hash), &snapshot.so_far)?;
-        gates = compared(study, judged, parent, &score, tools, |standing| &standing.so_far)?;
-        gates.parent_tradeoff.holds &= !study.without.tradeoff;
+        if swapped.is_none() {
+            gates = compared(study, judged, parent, &score, tools, |standing| &standing.so_far)?;
+            gates.parent_tradeoff.holds &= !study.without.tradeoff;
+        }
     }
     let accepted = gates.any();
     let scenes = study.scenes_digest(if accepted { &snapshot.so_far } else { &snapshot.window })?;
@@ -156,11 +196,11 @@ fn accept(
     let solution = candidate.program.solution_id.clone();
     if !accepted {
         judged.archive.keep(entry)?;
-        return Ok(Decision { promoted: false, on_front: false, gates });
+        return Ok(Decision { promoted: false, on_front: false, gates, race: None });
     }
     judged.standing.insert(solution, Standing { window: window.clone(), so_far: score });
     let on_front = judged.archive.insert(entry)?.on_front;
-    Ok(Decision { promoted: false, on_front, gates })
+    Ok(Decision { promoted: false, on_front, gates, race: None })
 }
 
 /// What the gates say of a score beside the parent's and the front's on the same scenes.

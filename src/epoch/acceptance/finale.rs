@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::rounds;
-use crate::archive::{Contender, pf_area_pct, select_active};
+use crate::archive::{Contender, SelectionRule, SelectorOptions, pf_area_pct, select_active};
 use crate::epoch::RunError;
 use crate::epoch::briefs::counsel;
 use crate::epoch::labelling::labels::Labelling;
@@ -17,7 +17,7 @@ use crate::epoch::state::State;
 use crate::kernel::num;
 use crate::objects::{
     Attempt, Objectives, Score, SolutionId,
-    event::{ExitCounts, Finalist, FrontPoint, HeldOut, LineageResult, Measured, RunResult, kind},
+    event::{AtRealism, ExitCounts, Finalist, FrontPoint, HeldOut, LineageResult, Measured, RunResult, kind},
 };
 
 /// k of PF-Area@k, as in the paper's tables.
@@ -56,6 +56,8 @@ struct Choice {
     endpoint: Option<SolutionId>,
     /// The first three descendants by the same rule: the matched budget.
     top: Vec<SolutionId>,
+    /// Whom the rule chooses at further values of `realism_min`, and whether it reaches that.
+    at_realism: Vec<(f64, bool, SolutionId)>,
     /// Scores of parent and finalists on the evolution scenes.
     scores: BTreeMap<SolutionId, Score>,
     /// The programs that the budget of finalists had no room for.
@@ -73,9 +75,11 @@ pub fn one_lineage(
     counsel::take(study, spec, &study.held_out, &mut state.counsels, desk)?;
     let state = &*state;
     let mut measured: BTreeMap<SolutionId, Measured> = BTreeMap::new();
-    let wanted = [Some(&parent), Some(&choice.active), choice.endpoint.as_ref()];
-    ahead(study, state, spec, wanted.into_iter().flatten().chain(&choice.top), &study.held_out, desk)?;
-    for solution in wanted.into_iter().flatten().chain(&choice.top) {
+    let reported = [Some(&parent), Some(&choice.active), choice.endpoint.as_ref()];
+    let at_realism = choice.at_realism.iter().map(|(_, _, solution)| solution);
+    let wanted: Vec<&SolutionId> = reported.into_iter().flatten().chain(&choice.top).chain(at_realism).collect();
+    ahead(study, state, spec, wanted.iter().copied(), &study.held_out, desk)?;
+    for solution in wanted {
         if measured.contains_key(solution) {
             continue;
         }
@@ -101,6 +105,15 @@ pub fn one_lineage(
         evolved: of(&choice.active),
         selection: choice.reason,
         endpoint: choice.endpoint.as_ref().map(of),
+        at_realism: choice
+            .at_realism
+            .iter()
+            .map(|(realism_min, reached, solution)| AtRealism {
+                realism_min: *realism_min,
+                reached: *reached,
+                chosen: of(solution),
+            })
+            .collect(),
         pf_area_at_3_pct,
         pf_area_at_3_pct_by_group: by_group,
         front: archive.front().map(|e| FrontPoint { solution: e.solution.clone(), objectives: e.objectives }).collect(),
@@ -162,6 +175,11 @@ fn choose(
     let Some(active) = select_active(&contenders, &study.selector) else {
         return Err(RunError::Study(format!("lineage {} has nobody to select from", spec.id)));
     };
+    let at_realism = study.selector.floors().into_iter().filter_map(|realism_min| {
+        let chosen = select_active(&contenders, &SelectorOptions { realism_min, ..study.selector.clone() })?;
+        Some((realism_min, chosen.rule == SelectionRule::RealismConstrained, chosen.solution))
+    });
+    let at_realism = at_realism.collect();
     let mut rest = contenders.split_off(1);
     rest.retain(|contender| contender.coverage > 0.0);
     let mut top = Vec::new();
@@ -169,7 +187,15 @@ fn choose(
         rest.retain(|c| c.solution != next.solution);
         top.push(next.solution);
     }
-    Ok(Choice { reason: active.reason(), active: active.solution, endpoint: top.first().cloned(), top, scores, cut })
+    Ok(Choice {
+        reason: active.reason(),
+        active: active.solution,
+        endpoint: top.first().cloned(),
+        top,
+        at_realism,
+        scores,
+        cut,
+    })
 }
 
 /// Makes labels of programs together that will be needed one by one.
@@ -230,6 +256,7 @@ fn held_out(
         ("active", *solution == choice.active),
         ("endpoint", choice.endpoint.as_ref() == Some(solution)),
         ("descendant", choice.top.contains(solution)),
+        ("at_realism", choice.at_realism.iter().any(|(_, _, of)| of == solution)),
     ];
     let roles = roles.into_iter().filter(|(_, holds)| *holds).map(|(role, _)| role.to_string()).collect();
     let runs = held_out_runs(study, &score, &desk.tools)?;

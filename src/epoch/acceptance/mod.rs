@@ -3,8 +3,10 @@
 pub(super) mod consider;
 pub(super) mod evolve;
 pub(super) mod finale;
+pub(super) mod race;
 pub(super) mod rival;
 pub(super) mod rounds;
 pub(super) mod seal;
 pub(super) mod search;
 pub(super) mod settle;
+pub(super) mod shuffled;

@@ -57,7 +57,7 @@ pub fn verdict(
     Some(MethodVerdict { method: rival.method.name().into(), holds, score: own })
 }
 
-/// A proposal that nobody was asked for: a random legal patch of the lineage's parent.
+/// A proposal that nobody was asked for: a random legal patch of the program that the slot edits.
 pub fn random(study: &Study, snapshot: &Snapshot<'_>, slot: u32, target: String) -> Result<Draft, RunError> {
     let parent = snapshot.parent_of(slot);
     let contract = &study.source(snapshot.spec)?.contract;
@@ -66,7 +66,7 @@ pub fn random(study: &Study, snapshot: &Snapshot<'_>, slot: u32, target: String)
         let of = study.evolution.iter().filter_map(|&place| study.scenes[place].features().value(feature.name));
         values.insert(feature.name, of.collect());
     }
-    let edits_max = study.rival().and_then(|rival| rival.edits_max).unwrap_or(1);
+    let edits_max = study.search.as_ref().and_then(|search| search.edits_max).unwrap_or(1);
     let mut stream = stream(study, snapshot.spec, snapshot.event.epoch, slot, "patch");
     let places = Places { contract, values: &values, closed: &study.without.closed() };
     let patch = random_patch((&parent.program, parent.hash), &places, edits_max, &mut stream);

@@ -146,9 +146,9 @@ impl Study {
         self.search.as_ref().map_or(Method::Pareto, |search| search.method)
     }
 
-    /// The options of a method other than the archive's own.
+    /// The options of a method that decides in place of the archive's gates.
     pub fn rival(&self) -> Option<&SearchOptions> {
-        self.search.as_ref().filter(|search| search.method != Method::Pareto)
+        self.search.as_ref().filter(|search| search.method.replaces_gates())
     }
 
     /// The critics that review proposals.
@@ -160,7 +160,7 @@ impl Study {
 
     /// Whether attempts leave memory cards, and prompts show some.
     pub fn has_memory(&self) -> bool {
-        !self.without.memory && !matches!(self.method(), Method::OpenEvolve | Method::Random)
+        !self.without.memory && self.method() != Method::OpenEvolve && !self.method().draws_patches()
     }
 
     /// Gates that this run does not ask.
@@ -289,6 +289,14 @@ impl Study {
                 places.push(place);
             }
         }
+        places
+    }
+
+    /// Places of all evolution scenes in the order in which windows open them: those up to an epoch's window first.
+    pub fn opening_order(&self, epoch: u32) -> Vec<usize> {
+        let mut places = self.windows_up_to(epoch);
+        let rest = self.evolution.iter().filter(|place| !places.contains(place)).copied().collect::<Vec<_>>();
+        places.extend(rest);
         places
     }
 

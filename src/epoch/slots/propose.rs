@@ -5,7 +5,6 @@ use std::cell::RefCell;
 use super::admit::admission;
 use super::draft::{Draft, Head, Reached, Verdict};
 use crate::agents::{self, End, Findings, Task};
-use crate::archive::search::Method;
 use crate::epoch::RunError;
 use crate::epoch::acceptance::{rival, search};
 use crate::epoch::briefs::target::Aims;
@@ -27,7 +26,7 @@ pub fn propose(study: &Study, snapshot: &Snapshot<'_>, slot: u32, tools: &Tools<
         epsilon_a: study.archive.epsilon_a,
     };
     let target = search::target(study, &aims, snapshot.event.epoch, slot);
-    if study.method() == Method::Random {
+    if study.method().draws_patches() {
         return rival::random(study, snapshot, slot, target.text);
     }
     let critics = study.critics();

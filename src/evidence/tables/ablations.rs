@@ -224,7 +224,7 @@ fn compared(one: &Ablation<'_>, whole: &Ablation<'_>, numbers: &mut Numbers) -> 
 }
 
 /// Holm's correction: p-values times how many are at least as large, never falling, at most 1 (Holm 1979).
-fn holm(p: &[f64]) -> Vec<f64> {
+pub(super) fn holm(p: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..p.len()).collect();
     order.sort_by(|&a, &b| p[a].total_cmp(&p[b]));
     let (mut corrected, mut least) = (vec![0.0; p.len()], 0.0_f64);

@@ -10,7 +10,7 @@ use super::key::{Of, Reads, RowKey, Side};
 use super::labels::{self, LineageLabels, ReplayLabels};
 use super::layout::{Row, Table};
 use super::shares::Spec;
-use super::{contacts, critics, metadrive, paper, proposals, readings, safebench, unseen};
+use super::{contacts, critics, gains, metadrive, paper, proposals, readings, safebench, unseen};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::benchmark::HeldOutRun;
@@ -38,7 +38,8 @@ impl<'s> Bases<'s> {
             scores.flat_map(|(_, of, _, score)| score.scenes.iter().map(move |l| ((of, l.scene.as_str()), l))).collect()
         };
         let (recorded, staged) = (table.name.starts_with("metadrive"), table.name.starts_with("safebench"));
-        let compared = matches!(table.name, "attack-only" | "without" | "kwidth");
+        let compared = matches!(table.name, "attack-only" | "without" | "kwidth" | gains::NAME);
+        let recorded = recorded && !compared;
         let own = |place| labels::of_run(recorded_runs, place);
         Ok(Bases {
             recorded_runs,
@@ -76,6 +77,7 @@ impl<'s> Bases<'s> {
                 let (side, read) = readings::read_of(key)?;
                 Some(self.means(row, side, key, Box::new(read)))
             }
+            gains::NAME => self.of_gains(row, key),
             "safebench-main" | "safebench-rounds" if replay => self.replay_row(row, key),
             "safebench-main" if key == safebench::FRONTIER => Some(self.gains(row)),
             "safebench-main" => {
@@ -164,6 +166,21 @@ impl<'s> Bases<'s> {
     /// PF-Area@3, worked out again from the held-out objectives of the parent and of the chosen descendants, or as the sealed
     /// results have it where the archive's options are not at hand.
     pub(super) fn frontier<'l>(&self, lineages: impl Iterator<Item = &'l LineageLabels>) -> Basis {
+        let formula = format!(
+            "{SEARCHES} PF-Area@3, a number of a lineage: 100 times the frontier area that the first three finalists by the reporting rule add to the parent's, over the parent's, on held-out objectives"
+        );
+        self.spanned(lineages, formula, |spanned, result| {
+            spanned.map_or(Some(result.pf_area_at_3_pct), |of| Some(of.gain_pct))
+        })
+    }
+
+    /// A number of what spans each lineage's held-out front.
+    pub(super) fn spanned<'l>(
+        &self,
+        lineages: impl Iterator<Item = &'l LineageLabels>,
+        formula: String,
+        number: impl Fn(Option<&Spanned>, &LineageResult) -> Option<f64>,
+    ) -> Basis {
         let part = |l: &LineageLabels| -> Option<Piece> {
             let (run, recorded_run, result) = self.result(l.place, &l.lineage)?;
             let counts = |roles: &[String]| roles.iter().any(|role| role == "parent" || role == "descendant");
@@ -172,13 +189,10 @@ impl<'s> Bases<'s> {
             let leaf = |scene: &String| Leaf::scene(scene, &programs, None);
             let leaves = recorded_run.opened.held_out_scenes.iter().map(leaf).collect();
             let spanned = Spanned::of(recorded_run, result);
-            let value = spanned.as_ref().map_or(result.pf_area_at_3_pct, |spanned| spanned.gain_pct);
+            let value = number(spanned.as_ref(), result);
             let steps = spanned.map_or(Vec::new(), |spanned| spanned.steps);
-            Some(Piece { steps, ..part_of(l, run, programs.clone(), Some(value), leaves) })
+            Some(Piece { steps, ..part_of(l, run, programs.clone(), value, leaves) })
         };
-        let formula = format!(
-            "{SEARCHES} PF-Area@3, a number of a lineage: 100 times the frontier area that the first three finalists by the reporting rule add to the parent's, over the parent's, on held-out objectives"
-        );
         Basis::of(formula, Combine::Means, lineages.filter_map(part).collect())
     }
 
@@ -425,6 +439,7 @@ fn programs(side: Side, result: &LineageResult) -> Vec<SolutionId> {
         Side::Parent => vec![parent],
         Side::Evolved => vec![evolved],
         Side::Endpoint => result.endpoint.iter().map(|endpoint| endpoint.solution.clone()).collect(),
+        Side::AtFloor(place) => result.at_realism.get(place).map(|of| of.chosen.solution.clone()).into_iter().collect(),
         Side::Change => vec![parent, evolved],
     }
 }

@@ -4,6 +4,7 @@
 use super::ablations::{self as columns, ACTED_REALISM};
 use super::bases::Bases;
 use super::basis::{Basis, Combine, Leaf, Piece};
+use super::gains;
 use super::key::Side;
 use super::labels::{self, LineageLabels, Reading};
 use super::layout::{Row, Table};
@@ -59,6 +60,29 @@ impl Bases<'_> {
             }
             _ => None,
         }
+    }
+
+    /// The basis of a cell of `metadrive-gains`.
+    pub(super) fn of_gains(&self, row: &Row, key: &str) -> Option<Basis> {
+        let own: Vec<&LineageLabels> =
+            self.searched.first()?.iter().filter(|l| row.key.has(l.place, &l.lineage)).collect();
+        let read = |of: &[&LineageLabels], side: Side| {
+            self.means_of(of.iter().copied(), side, "attack", Box::new(labels::ATTACK))
+        };
+        if let Some(side) = gains::side_of(key) {
+            return Some(read(&own, side));
+        }
+        if let Some(number) = gains::area_of(key) {
+            let formula = "mean over searches of the mean over their repetitions of an area in the plane of attack and strict realism, \
+                           on held-out objectives"
+                .to_string();
+            return Some(self.spanned(own.into_iter(), formula, |spanned, _| spanned.map(number)));
+        }
+        let null = self.searched.get(gains::null_run(self.recorded_runs, gains::null_of(key)?)?)?;
+        let all: Vec<&LineageLabels> = null.iter().collect();
+        let terms = vec![read(&shared(&all, &own), Side::Evolved), read(&shared(&own, &all), Side::Evolved)];
+        let formula = "the second term minus the first, paired by lineage and scene, over scenes that count in both";
+        Some(Basis { terms, ..Basis::of(formula.into(), Combine::Paired, Vec::new()) })
     }
 
     /// How many proposals of a lineage something holds of, in the mean.

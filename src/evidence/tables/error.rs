@@ -22,6 +22,11 @@ pub enum TableError {
     NoHeldOutRuns { run: String },
     #[error("row {row} with ego {ego} is in {first} and in {second}; name runs that hold it once")]
     Twice { row: String, ego: String, first: String, second: String },
+    #[error(
+        "run {run} searched by {method}, and behind the first run this table takes null searches alone, one of each: search.method = \
+         \"random_proposals\" or \"shuffled_labels\"; leave it out"
+    )]
+    NoNullSearch { run: String, method: String },
     #[error("run {run} followed {found}; its tables are {tables}")]
     OtherProtocol { run: String, found: &'static str, tables: &'static str },
     #[error(

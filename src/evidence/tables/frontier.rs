@@ -2,6 +2,7 @@
 
 use crate::archive::{ArchiveOptions, hypervolume, non_dominated, pf_area_pct, point};
 use crate::evidence::recorded_run::RecordedRun;
+use crate::objects::Objectives;
 use crate::objects::event::{HeldOut, LineageResult};
 
 /// Descendants that count, as in the paper's tables.
@@ -11,6 +12,8 @@ const DESCENDANTS: usize = 3;
 pub(super) struct Spanned {
     /// PF-Area@3, percent.
     pub gain_pct: f64,
+    /// What the parent spans, and what it spans with its descendants, 1.
+    pub areas: [f64; 2],
     /// Its parts in words, a line each.
     pub steps: Vec<String>,
 }
@@ -31,7 +34,11 @@ impl Spanned {
         let objectives = |of: &[&HeldOut]| of.iter().map(|held_out| held_out.score.objectives).collect::<Vec<_>>();
         let (before, after) = (objectives(&parents), objectives(&descendants));
         let gain_pct = pf_area_pct(&before, &after, DESCENDANTS, options);
-        Some(Spanned { gain_pct, steps: steps(&parents, &descendants, gain_pct, options) })
+        let points = |of: &[Objectives]| of.iter().map(point).collect::<Vec<[f64; 2]>>();
+        let first: Vec<Objectives> = after.iter().take(DESCENDANTS).copied().collect();
+        let own = hypervolume(&points(&before), options.reference);
+        let all = hypervolume(&[points(&before), points(&first)].concat(), options.reference);
+        Some(Spanned { gain_pct, areas: [own, all], steps: steps(&parents, &descendants, gain_pct, options) })
     }
 }
 

@@ -28,6 +28,8 @@ pub enum Side {
     Evolved,
     /// The best descendant; there is no number where a lineage has none.
     Endpoint,
+    /// Whom the rule chooses at one of the declared floors of realism, counted from the lowest; there is no number where none are.
+    AtFloor(usize),
     /// Evolved minus parent, on the scenes that count for both.
     Change,
 }

@@ -150,6 +150,10 @@ pub struct LineageLabels {
     pub parent: Labels,
     pub evolved: Labels,
     pub endpoint: Option<Labels>,
+    /// Of the programs that the rule chooses at the declared floors of realism, from the lowest on; none where none are declared.
+    pub at_floors: Vec<Labels>,
+    /// These floors, 1.
+    pub floors: Vec<f64>,
     pub pf_area_at_3_pct: f64,
     /// Distinct rollouts that its labels rest on.
     pub rollouts: usize,
@@ -167,6 +171,10 @@ impl LineageLabels {
             Side::Evolved => self.per_scene(&self.evolved, of),
             Side::Endpoint => match &self.endpoint {
                 Some(endpoint) => self.per_scene(endpoint, of),
+                None => self.per_scene(&self.parent, |_| None),
+            },
+            Side::AtFloor(place) => match self.at_floors.get(place) {
+                Some(labels) => self.per_scene(labels, of),
                 None => self.per_scene(&self.parent, |_| None),
             },
             Side::Change => self.paired(of),
@@ -285,6 +293,8 @@ fn one(place: usize, recorded: &RecordedRun, result: &LineageResult) -> Result<L
         parent: labels(&result.parent.solution)?,
         evolved: labels(&result.evolved.solution)?,
         endpoint: result.endpoint.as_ref().map(|endpoint| labels(&endpoint.solution)).transpose()?,
+        at_floors: result.at_realism.iter().map(|of| labels(&of.chosen.solution)).collect::<Result<_, _>>()?,
+        floors: result.at_realism.iter().map(|of| of.realism_min).collect(),
         pf_area_at_3_pct: result.pf_area_at_3_pct,
         rollouts: rollouts(recorded, &result.lineage),
         proposals: proposals(recorded),

@@ -27,6 +27,9 @@ fn of_a_page_alone(name: &str) -> Option<Vec<&'static str>> {
         }
         "metadrive-contacts" => &["attack", "avoidable_contact", "met_anyway", "adversary_contact", "any_contact"],
         "metadrive-readings" => &["published_parent", "published_evolved", "preventable_parent", "preventable_evolved"],
+        "metadrive-gains" => {
+            &["floor_low", "floor_middle", "floor_high", "area_change", "over_random_proposals", "over_shuffled_labels"]
+        }
         "safebench-main" => &["parent_ars", "evolved_ars", "attack_change_pct", "ars_change_pp", "pf_area_at_3_pct"],
         "safebench-rounds" => &[
             "straight_obstacle",

@@ -4,6 +4,7 @@ use super::ablations::{attack_only, kwidth, without};
 use super::contacts::metadrive_contacts;
 use super::critics::actor_critic;
 use super::error::TableError;
+use super::gains::metadrive_gains;
 use super::layout::Table;
 use super::metadrive::{metadrive_main, metadrive_policy};
 use super::proposals::proposals;
@@ -16,11 +17,12 @@ use crate::evidence::recorded_run::RecordedRun;
 pub type Make = fn(&[RecordedRun]) -> Result<Table, TableError>;
 
 /// All tables by their names.
-pub const NAMED: [(&str, Make); 12] = [
+pub const NAMED: [(&str, Make); 13] = [
     ("metadrive-main", metadrive_main),
     ("metadrive-policy", metadrive_policy),
     ("metadrive-contacts", metadrive_contacts),
     ("metadrive-readings", metadrive_readings),
+    ("metadrive-gains", metadrive_gains),
     ("safebench-main", safebench_main),
     ("safebench-rounds", safebench_rounds),
     ("safebench-held-out", safebench_held_out),

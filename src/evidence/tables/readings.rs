@@ -38,6 +38,11 @@ fn is_ram(met: &Met) -> bool {
     met.class == ContactClass::RearEndEgoStruck.name()
 }
 
+fn could_be_prevented(met: &Met) -> bool {
+    let class = ContactClass::ALL.into_iter().find(|class| class.name() == met.class);
+    class.is_some_and(|class| class.could_be_prevented(met.avoidable))
+}
+
 /// Any contact that the program brought about, whoever caused it.
 const BROUGHT_ABOUT: Reading = |scene| Some(labels::share(brought_about(scene).is_some()));
 /// Of these the rams from behind.
@@ -47,8 +52,7 @@ const STANDING: Reading = |scene| {
     Some(labels::share(brought_about(scene).is_some_and(|met| met.class == ContactClass::StationaryHit.name())))
 };
 /// Of these what a careful ego could have avoided, of every class alike but rams from behind.
-const COULD_BE_PREVENTED: Reading =
-    |scene| Some(labels::share(brought_about(scene).is_some_and(|met| met.avoidable == Some(true) && !is_ram(met))));
+const COULD_BE_PREVENTED: Reading = |scene| Some(labels::share(brought_about(scene).is_some_and(could_be_prevented)));
 
 /// Columns with the side and the reading that each is a mean of.
 const READ: [(Column, Side, Reading); 11] = [

@@ -46,7 +46,8 @@ pub fn safebench_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
         of.row(Reads::ByColumn, &[], Cell::row(&columns, &ours, figures.as_ref()))
     };
     let replays = replays(runs).into_iter().map(|replay| replay_row(replay, None, &columns));
-    let rows = replays.chain(in_order(&all).iter().map(row)).collect();
+    let rows: Vec<Row> = replays.chain(in_order(&all).iter().map(row)).collect();
+    let notes = notes(runs, &all).into_iter().chain(saturated(&rows)).collect();
     let title = "Generator evolution on SafeBench's traffic families".to_string();
     Ok(Table {
         name: "safebench-main",
@@ -55,9 +56,12 @@ pub fn safebench_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
         counts: COUNTS.to_vec(),
         parts: vec![Part { name: "safebench-main".into(), title, source: Some(MAIN_LABEL), rows }],
         runs: notes::runs(runs)?,
-        notes: notes(runs, &all),
+        notes,
     })
 }
+
+/// A collision rate from which a row is called saturated.
+const SATURATED: f64 = 0.95;
 
 /// Columns of the main table.
 pub(super) fn main_columns() -> Vec<Column> {
@@ -306,6 +310,23 @@ impl Subject<'_> {
 }
 
 /// What a reader must know beside the numbers.
+/// The rows in which nearly every selected run is a collision already: little of their attack is left to gain.
+pub(super) fn saturated(rows: &[Row]) -> Option<String> {
+    let rate = |row: &Row, key: &str| {
+        let cell = row.cells.iter().find(|cell| cell.column.key == key)?;
+        cell.ours.map(|own| own.value)
+    };
+    let full = |row: &&Row| rate(row, "evolved_cr").is_some_and(|rate| rate >= SATURATED);
+    let named: Vec<String> = rows.iter().filter(full).map(|row| row.labels.join("/")).collect();
+    (!named.is_empty()).then(|| {
+        format!(
+            "Saturated: in {} the ego collides in nearly every run that is kept (CR at least {SATURATED}), so such rows tell programs apart \
+             by the overall score and realism alone; look at safebench-held-out first.",
+            named.join(", ")
+        )
+    })
+}
+
 fn notes(runs: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
     let mut notes = vec![
         "CR: collision rate; OS: SafeBench's overall score, lower is the stronger scenario; ARS: adversarial realism score. \

@@ -91,6 +91,7 @@ fn add(recorded: &mut RecordedRun, of: &Lineage<'_>) {
         parent: measured,
         selection: "1 of 1 reach the realism required".into(),
         endpoint: None,
+        at_realism: Vec::new(),
         pf_area_at_3_pct: gains.values().sum::<f64>() / gains.len().max(1) as f64,
         pf_area_at_3_pct_by_group: gains,
         front: Vec::new(),
@@ -164,6 +165,17 @@ fn the_main_table_is_worked_by_hand() {
     let advsim = table.rows().next().unwrap();
     assert_eq!((advsim.counts.as_slice(), advsim.proposals.as_str()), ([4, 4, 1, 0].as_slice(), "scripted"));
     assert!(advsim.notes.is_empty(), "{:?}", advsim.notes);
+}
+
+#[test]
+fn rows_in_which_nearly_every_run_is_a_collision_are_called_saturated() {
+    let table = safebench_main(&[recorded(&[&ADVSIM])]).unwrap();
+    let mut rows: Vec<Row> = table.rows().cloned().collect();
+    assert_eq!(safebench::saturated(&rows), None);
+    let advsim = rows.iter_mut().find(|row| row.labels == ["AS", "IDM"]).unwrap();
+    let cell = advsim.cells.iter_mut().find(|cell| cell.column.key == "evolved_cr").unwrap();
+    cell.ours = Some(Estimate::plain(0.96));
+    assert!(safebench::saturated(&rows).is_some_and(|note| note.contains("in AS/IDM the ego")));
 }
 
 #[test]

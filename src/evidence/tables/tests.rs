@@ -158,6 +158,7 @@ pub(in crate::evidence) fn add(run: &mut RecordedRun, end: &End<'_>) {
         parent: before,
         selection: "1 of 1 reach the realism required".into(),
         endpoint: after,
+        at_realism: Vec::new(),
         pf_area_at_3_pct: end.pf_area_at_3_pct,
         pf_area_at_3_pct_by_group: BTreeMap::new(),
         front: Vec::new(),
@@ -201,10 +202,18 @@ pub(in crate::evidence) fn near(found: f64, expected: f64) {
 
 /// Holds every number of a table to what its parts give, bit for bit; how many there are.
 pub(in crate::evidence) fn from_their_parts(table: &Table, runs: &[RecordedRun]) -> usize {
+    from_their_parts_but(table, runs, &[])
+}
+
+/// The same of all columns but these.
+fn from_their_parts_but(table: &Table, runs: &[RecordedRun], but: &[&str]) -> usize {
     let bases = Bases::of(table, runs).unwrap();
     let mut count = 0;
     for (row, cell) in table.rows().flat_map(|row| row.cells.iter().map(move |cell| (row, cell))) {
         let (Some(ours), key) = (cell.ours, cell.column.key) else { continue };
+        if but.contains(&key) {
+            continue;
+        }
         let basis = bases.basis(table, row, key).unwrap_or_else(|| panic!("{:?} {key}", row.labels));
         assert_eq!(basis.value(), Some(ours.value), "{:?} {key}: {}", row.labels, basis.formula);
         count += 1;
@@ -587,6 +596,70 @@ fn a_planner_stands_by_its_name_beside_the_methods_and_two_planners_are_two_rows
     assert_eq!(row(&table, "CAT (cat-mine)").labels[1], "command");
 }
 
+/// Three seeds of CAT under a method, the evolved programs with these labels.
+fn searched(method: Option<&str>, evolved: [Label; 4]) -> RecordedRun {
+    let mut run = run(method.unwrap_or("search"), &[("actor", "scripted scripted-1")]);
+    run.opened.search = method.map(|method| Searched { method: method.into(), rollouts: None });
+    for replica in 0..3 {
+        let id = format!("cat-idm-s{replica}");
+        add(&mut run, &End { id: &id, evolved: Some(evolved), ..CAT });
+        let result = run.result.as_mut().unwrap().lineages.last_mut().unwrap();
+        (result.group, result.replica) = (LineageId::new("cat-idm"), replica);
+        let at = |realism_min: f64, chosen: &Measured| AtRealism { realism_min, reached: true, chosen: chosen.clone() };
+        let (parent, child) = (&result.parent, &result.evolved);
+        result.at_realism = vec![at(0.9, child), at(0.95, child), at(0.98, parent)];
+    }
+    for (held_out, role) in run.held_out.iter_mut().zip(["parent", "descendant"].into_iter().cycle()) {
+        held_out.roles = vec![role.to_string()];
+    }
+    run.declared.archive = Some(ArchiveOptions {
+        reference: [0.0; 2],
+        r0: 0.95,
+        a0: 0.5,
+        epsilon_r: 0.0,
+        epsilon_a: 0.0,
+        epsilon_pf: 1e-3,
+        level: 0.8,
+        coverage_floor: 0.8,
+        promotion: PromotionRule::LargestHypervolumeGain,
+        race: None,
+    });
+    run
+}
+
+#[test]
+fn gains_stand_beside_floors_of_realism_absolute_areas_and_null_searches() {
+    let missed = [Some((0.0, 0.98)), Some((0.0, 0.96)), Some((0.0, 0.98)), Some((0.0, 0.96))];
+    let runs = [
+        searched(None, CAT.evolved.unwrap()),
+        searched(Some("random_proposals"), missed),
+        searched(Some("shuffled_labels"), CAT.evolved.unwrap()),
+    ];
+    let table = metadrive_gains(&runs).unwrap();
+    let wanted = [
+        ("parent_attack", 0.25),
+        ("evolved_attack", 0.5),
+        ("floor_low", 0.5),
+        ("floor_middle", 0.5),
+        // No descendant is realistic enough there, so it is the parent.
+        ("floor_high", 0.25),
+        ("area_parent", 0.25 * 0.9),
+        ("area_evolved", 0.5 * 0.97),
+        ("area_change", 0.5 * 0.97 - 0.25 * 0.9),
+        // Successes in scenes 1 and 2 against none.
+        ("over_random_proposals", 0.5),
+        ("over_shuffled_labels", 0.0),
+    ];
+    for (key, expected) in wanted {
+        near(ours(&table, "CAT", key).value, expected);
+    }
+    assert!(from_their_parts_but(&table, &runs, &["p_random_proposals", "p_shuffled_labels"]) >= 10);
+    assert!(table.notes.iter().any(|note| note.contains("at least 0.90, 0.95, 0.98")), "{:?}", table.notes);
+    let p = |key| ours(&table, "CAT", key).value;
+    assert!(p("p_random_proposals") < p("p_shuffled_labels"), "no difference is the likelier one");
+    assert!(matches!(metadrive_gains(&[runs[0].clone(), runs[0].clone()]), Err(TableError::NoNullSearch { .. })));
+}
+
 #[test]
 fn the_frontier_area_is_worked_out_again_and_names_who_spans_it() {
     let mut run = scripted();
@@ -602,6 +675,7 @@ fn the_frontier_area_is_worked_out_again_and_names_who_spans_it() {
         level: 0.8,
         coverage_floor: 0.8,
         promotion: PromotionRule::LargestHypervolumeGain,
+        race: None,
     });
     for (held_out, role) in run.held_out.iter_mut().zip(["parent", "descendant"]) {
         held_out.roles = vec![role.to_string()];
@@ -681,6 +755,7 @@ pub(in crate::evidence) fn simulated(routed: RouteDecision, accepted: bool, atta
     let decision = Decision {
         promoted: false,
         on_front: false,
+        race: None,
         gates: Box::new(AcceptanceGates {
             densification: Densification { holds: accepted, non_dominated: accepted, ..Densification::default() },
             parent_tradeoff: ParentTradeoff { attack_change, realism_change: -0.1, ..ParentTradeoff::default() },

@@ -19,6 +19,8 @@ fn whole() -> Vec<Table> {
         "ablations/nsga2",
         "ablations/random",
         "preventable",
+        "readings/published-idm",
+        "readings/null-random-idm",
     ];
     let path = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("experiments/{name}.toml"));
     let mut all: Vec<Table> =

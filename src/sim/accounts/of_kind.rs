@@ -91,18 +91,41 @@ fn step(from: &Sample, to: &Sample, size: &Size) -> Step {
     Step { along: ahead * moved.dot(ahead), across: ahead.left() * across_m, turned_rad }
 }
 
-/// The samples with the fitted places, without those at either end that no whole window is centred at; a motion that is shorter than two
-/// windows as it is. The jitter of a recording is no slide.
+/// The samples with the fitted places and headings, those at either end read off the outermost whole window; a motion that is shorter
+/// than a window as it is. The jitter of a recording is no slide, and no turn.
+///
+/// Places follow a cubic, headings a line: a turn on the spot goes one way, and at a window's end a cubic would follow a single
+/// sample's error.
 fn filtered(samples: &[Sample]) -> Vec<Sample> {
-    if samples.len() < 4 * HALF_WINDOW {
+    if samples.len() <= 2 * HALF_WINDOW {
         return samples.to_vec();
     }
     let places: Vec<Vec2> = samples.iter().map(|sample| sample.position).collect();
-    let at = |centre: usize| Sample {
-        position: cubic(&places[centre - HALF_WINDOW..=centre + HALF_WINDOW]).position,
-        ..samples[centre]
+    let mut heading_rad = samples[0].heading_rad;
+    // Without the jump from π to -π.
+    let headings_rad: Vec<f64> = samples
+        .iter()
+        .map(|sample| {
+            heading_rad += num::wrap_angle(sample.heading_rad - heading_rad);
+            heading_rad
+        })
+        .collect();
+    let at = |k: usize| {
+        let centre = k.clamp(HALF_WINDOW, samples.len() - 1 - HALF_WINDOW);
+        let window = centre - HALF_WINDOW..=centre + HALF_WINDOW;
+        let off = k as f64 - centre as f64;
+        let position = cubic(&places[window.clone()]).position_at(off * DT_S);
+        Sample { position, heading_rad: line_at(&headings_rad[window], off), ..samples[k] }
     };
-    (HALF_WINDOW..samples.len() - HALF_WINDOW).map(at).collect()
+    (0..samples.len()).map(at).collect()
+}
+
+/// The line that fits an odd number of values best, read off so many samples from their centre.
+fn line_at(values: &[f64], off: f64) -> f64 {
+    let half = (values.len() / 2) as f64;
+    let centred = || values.iter().enumerate().map(|(k, value)| (k as f64 - half, value));
+    let slope = num::sum(centred().map(|(i, value)| i * value)) / num::sum(centred().map(|(i, _)| i * i));
+    num::sum(values.iter().copied()) / values.len() as f64 + slope * off
 }
 
 fn unrolled_m(samples: &[Sample], size: &Size) -> f64 {
@@ -149,13 +172,22 @@ mod tests {
     #[test]
     fn a_standing_car_that_is_slid_aside_has_slid_as_far_as_it_was_slid_in_six_seconds() {
         let slid = |kind| unrolled(kind, 41, |t| (Vec2::new(0.0, 0.2 * t), 0.0));
-        // Windows are centred at 0.6 to 3.4 s.
-        assert!((slid(AgentKind::Vehicle) - 0.56).abs() < 1e-9);
-        let brief = unrolled(AgentKind::Vehicle, 21, |t| (Vec2::new(0.0, 0.2 * t), 0.0));
-        assert!((brief - 0.4).abs() < 1e-9, "shorter than two windows: unfiltered");
+        assert!((slid(AgentKind::Vehicle) - 0.8).abs() < 1e-9);
+        let brief = unrolled(AgentKind::Vehicle, 11, |t| (Vec2::new(0.0, 0.2 * t), 0.0));
+        assert!((brief - 0.2).abs() < 1e-9, "shorter than a window: unfiltered");
         assert_eq!(slid(AgentKind::Pedestrian), 0.0, "someone on foot steps aside");
         let long = unrolled(AgentKind::Vehicle, 91, |t| (Vec2::new(0.0, 0.2 * t), 0.0));
         assert!((long - 1.2).abs() < 1e-9, "6 s of 0.2 m/s: {long}");
+    }
+
+    #[test]
+    fn who_is_slid_aside_within_half_a_second_of_appearing_has_slid() {
+        for (from_s, for_s) in [(0.0, 0.3), (0.0, 0.5), (3.5, 0.5), (1.0, 0.5)] {
+            let slid = unrolled(AgentKind::Vehicle, 41, |t| {
+                (Vec2::new(0.0, 0.8 * ((t - from_s) / for_s).clamp(0.0, 1.0)), 0.0)
+            });
+            assert!((0.6..1.2).contains(&slid), "0.8 m within {for_s} s from {from_s} s on: {slid}");
+        }
     }
 
     #[test]
@@ -198,6 +230,17 @@ mod tests {
             let slid = of_motion(&samples, 0, &size(AgentKind::Vehicle)).unrolled_m;
             assert!(slid < most_m, "{speed_mps} m/s: {slid}");
         }
+    }
+
+    #[test]
+    fn who_stands_while_its_recorded_heading_jitters_by_two_degrees_turns_little() {
+        let mut stream = Seed(4).stream(&["jitter"]);
+        let mut samples = drive(91, |_| (Vec2::ZERO, std::f64::consts::PI));
+        for sample in &mut samples {
+            sample.heading_rad = num::wrap_angle(sample.heading_rad + 0.035 * 2.0 * (stream.unit() - 0.5) * 1.7);
+        }
+        let spun = of_motion(&samples, 0, &size(AgentKind::Vehicle)).unrolled_m;
+        assert!(spun < 0.2, "{spun}");
     }
 
     #[test]

@@ -29,6 +29,13 @@ pub struct Smoothed {
     pub jerk: Vec2,
 }
 
+impl Smoothed {
+    /// The fitted place so many seconds from the window's centre, metres.
+    pub fn position_at(&self, t_s: f64) -> Vec2 {
+        self.position + (self.velocity + (self.acceleration * 0.5 + self.jerk * (t_s / 6.0)) * t_s) * t_s
+    }
+}
+
 /// Fits an odd number of places, at least five, that lie [`DT_S`] apart.
 pub fn cubic(window: &[Vec2]) -> Smoothed {
     let half = window.len() / 2;
@@ -77,6 +84,8 @@ mod tests {
         for (found, expected) in found.into_iter().zip([3.0, 2.0, -8.0, 9.0]) {
             assert!((found - expected).abs() < 1e-9, "{found} {expected}");
         }
+        let at_the_end = fit.position_at(0.6).x;
+        assert!((at_the_end - (3.0 + 1.2 - 1.44 + 0.324)).abs() < 1e-9, "{at_the_end}");
     }
 
     #[test]

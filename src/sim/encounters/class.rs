@@ -77,6 +77,12 @@ impl ContactClass {
             ContactClass::RearEndEgoStruck => "rear_end_ego_struck",
         }
     }
+
+    /// Whether a careful ego would have prevented a contact of this class that was assessed so: asked of every class alike, and of a ram
+    /// from behind never, because whoever follows is to keep the distance.
+    pub fn could_be_prevented(self, avoidable: Option<bool>) -> bool {
+        avoidable == Some(true) && self != ContactClass::RearEndEgoStruck
+    }
 }
 
 /// What the other did before the contact, and which way the road goes there.

@@ -75,6 +75,7 @@ fn a_program_that_does_nothing_has_no_collision_no_attack_no_realism_and_adds_no
             level: 0.8,
             coverage_floor: 0.8,
             promotion: PromotionRule::LargestHypervolumeGain,
+            race: None,
         };
         for (group, score) in gathered(runs).groups() {
             let gain = pf_area_pct(&[before[&group].point()], &[score.point()], 3, &options);

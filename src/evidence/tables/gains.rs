@@ -1,0 +1,255 @@
+//! What a search gained, told so that it cannot be bought: the attack that its finalists reach at several floors of realism, areas in
+//! absolute units, and the gain over null searches instead of over nothing.
+
+use std::collections::BTreeSet;
+
+use super::bootstrap::{self, Estimate, PerScene, Quantity};
+use super::error::TableError;
+use super::frontier::Spanned;
+use super::key::{RowKey, Side};
+use super::labels::{self, LineageLabels, Reading};
+use super::layout::{Cell, Column, Form, METHOD, Numbers, POLICY, Part, ROLLOUTS, Row, Table};
+use super::metadrive::{SCENES, SEEDS, estimated, quantity};
+use super::notes;
+use super::searches::searches;
+use crate::evidence::recorded_run::RecordedRun;
+use crate::kernel::Digest;
+
+/// Name of the table.
+pub(super) const NAME: &str = "metadrive-gains";
+
+const fn rate(key: &'static str, group: &'static str, head: &'static str) -> Column {
+    Column { key, group, head, upward: Some(true), form: Form::Rate }
+}
+
+const fn change(key: &'static str, group: &'static str, head: &'static str) -> Column {
+    Column { key, group, head, upward: Some(true), form: Form::RateChange }
+}
+
+const fn chance(key: &'static str, group: &'static str, head: &'static str) -> Column {
+    Column { key, group, head, upward: None, form: Form::Rate }
+}
+
+const ATTACK: &str = "Attack";
+const FLOORS: &str = "Attack at a floor of realism";
+const AREA: &str = "Area of the front";
+const NULLS: &str = "Attack over a null search";
+
+/// Columns that are means over labels, with the side that each reads.
+const READ: [(Column, Side); 6] = [
+    (rate("parent_attack", ATTACK, "Parent"), Side::Parent),
+    (rate("evolved_attack", ATTACK, "Evolved"), Side::Evolved),
+    (change("attack_change", ATTACK, "Change"), Side::Change),
+    (rate("floor_low", FLOORS, "Low"), Side::AtFloor(0)),
+    (rate("floor_middle", FLOORS, "Middle"), Side::AtFloor(1)),
+    (rate("floor_high", FLOORS, "High"), Side::AtFloor(2)),
+];
+const AREA_PARENT: Column = rate("area_parent", AREA, "Parent");
+const AREA_EVOLVED: Column = rate("area_evolved", AREA, "With descendants");
+const AREA_CHANGE: Column = change("area_change", AREA, "Change");
+
+/// A null search: the name of its method, the columns of the difference to it and of its chance.
+struct Null {
+    method: &'static str,
+    over: Column,
+    p: Column,
+}
+
+const NULL_SEARCHES: [Null; 2] = [
+    Null {
+        method: "random_proposals",
+        over: change("over_random_proposals", NULLS, "Random patches"),
+        p: chance("p_random_proposals", NULLS, "p (patches)"),
+    },
+    Null {
+        method: "shuffled_labels",
+        over: change("over_shuffled_labels", NULLS, "Shuffled labels"),
+        p: chance("p_shuffled_labels", NULLS, "p (labels)"),
+    },
+];
+
+fn columns() -> Vec<Column> {
+    let areas = [AREA_PARENT, AREA_EVOLVED, AREA_CHANGE];
+    let nulls = NULL_SEARCHES.iter().flat_map(|null| [null.over, null.p]);
+    READ.iter().map(|(column, _)| *column).chain(areas).chain(nulls).collect()
+}
+
+/// The side of a column that is a mean over labels.
+pub(super) fn side_of(key: &str) -> Option<Side> {
+    READ.iter().find(|(column, _)| column.key == key).map(|(_, side)| *side)
+}
+
+/// Which of a lineage's areas a column shows: a number of what spans its front.
+pub(super) fn area_of(key: &str) -> Option<fn(&Spanned) -> f64> {
+    match key {
+        _ if key == AREA_PARENT.key => Some(|of| of.areas[0]),
+        _ if key == AREA_EVOLVED.key => Some(|of| of.areas[1]),
+        _ if key == AREA_CHANGE.key => Some(|of| of.areas[1] - of.areas[0]),
+        _ => None,
+    }
+}
+
+/// The method of the null search that a column compares with.
+pub(super) fn null_of(key: &str) -> Option<&'static str> {
+    NULL_SEARCHES.iter().find(|null| null.over.key == key).map(|null| null.method)
+}
+
+fn method(run: &RecordedRun) -> &str {
+    run.opened.search.as_ref().map_or("pareto", |search| &search.method)
+}
+
+/// The place of the run that is a null search of this method; the first run is never one.
+pub(super) fn null_run(runs: &[RecordedRun], wanted: &str) -> Option<usize> {
+    (1..runs.len()).find(|place| method(&runs[*place]) == wanted)
+}
+
+/// Gains of the first run's searches; the other runs are its null searches.
+pub fn metadrive_gains(runs: &[RecordedRun]) -> Result<Table, TableError> {
+    notes::one_attack(runs)?;
+    for (place, run) in runs.iter().enumerate().skip(1) {
+        let known = NULL_SEARCHES.iter().any(|null| null_run(runs, null.method) == Some(place));
+        if !known {
+            return Err(TableError::NoNullSearch { run: labels::run_name(run), method: method(run).to_string() });
+        }
+    }
+    let own = labels::of_run(runs, 0)?;
+    let nulls = NULL_SEARCHES.iter().map(|null| match null_run(runs, null.method) {
+        Some(place) => labels::of_run(runs, place),
+        None => Ok(Vec::new()),
+    });
+    let nulls: Vec<Vec<LineageLabels>> = nulls.collect::<Result<_, _>>()?;
+    let groups = searches(own.iter());
+    let several = groups.len() > 1;
+    let all = several.then(|| own.iter().collect::<Vec<_>>());
+    let titled = groups.iter().map(|of| (of[0].label.clone(), of[0].policy.clone(), of.clone()));
+    let titled = titled.chain(all.map(|of| (format!("All {}", groups.len()), policies(&of), of)));
+    let mut pending: Vec<(Row, Numbers, [Option<f64>; 2])> = Vec::new();
+    for (title, policy, of) in titled {
+        let (numbers, p) = numbers(runs, &of, &nulls);
+        pending.push((row(title, policy, &of), numbers, p));
+    }
+    // The row over all rests on the others: it is no further test.
+    let tested = if several { pending.len().saturating_sub(1) } else { pending.len() };
+    let family: Vec<f64> = pending[..tested].iter().flat_map(|(.., p)| p.iter().flatten().copied()).collect();
+    let mut corrected = super::ablations::holm(&family).into_iter();
+    let rows = pending.into_iter().enumerate().map(|(place, (mut row, mut numbers, p))| {
+        for (null, p) in NULL_SEARCHES.iter().zip(p) {
+            let Some(p) = p else { continue };
+            let shown = if place < tested { corrected.next().unwrap_or(p) } else { p };
+            numbers.insert(null.p.key, Estimate::plain(shown));
+        }
+        row.cells = Cell::row(&columns(), &numbers, None);
+        row
+    });
+    let rows: Vec<Row> = rows.collect();
+    let notes = notes(runs, &own, &rows);
+    Ok(Table {
+        name: NAME,
+        labels: vec![METHOD, POLICY],
+        columns: columns(),
+        counts: vec![SCENES, SEEDS, ROLLOUTS],
+        parts: vec![Part {
+            name: NAME.into(),
+            title: "What the search gained: floors of realism, absolute areas, and null searches".into(),
+            source: None,
+            rows,
+        }],
+        runs: notes::runs(runs)?,
+        notes,
+    })
+}
+
+fn policies(of: &[&LineageLabels]) -> String {
+    let all: BTreeSet<&str> = of.iter().map(|l| l.policy.as_str()).collect();
+    all.into_iter().collect::<Vec<_>>().join(" + ")
+}
+
+fn row(title: String, policy: String, of: &[&LineageLabels]) -> Row {
+    let suites: BTreeSet<_> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
+    let seeds = searches(of.iter().copied()).iter().map(Vec::len).max().unwrap_or(0);
+    let kinds: BTreeSet<&str> = of.iter().map(|l| l.proposals.as_str()).collect();
+    Row {
+        key: RowKey::of(of.iter().map(|l| l.key())),
+        labels: vec![title, policy],
+        lineages: of.iter().map(|l| l.lineage.to_string()).collect(),
+        cells: Vec::new(),
+        counts: vec![suites.iter().map(|(_, n)| n).sum(), seeds, of.iter().map(|l| l.rollouts).sum()],
+        proposals: kinds.into_iter().collect::<Vec<_>>().join(" + "),
+        notes: Vec::new(),
+    }
+}
+
+/// A row's numbers, and the chances under no difference to the null searches.
+fn numbers(runs: &[RecordedRun], of: &[&LineageLabels], nulls: &[Vec<LineageLabels>]) -> (Numbers, [Option<f64>; 2]) {
+    let mut numbers = estimated(&READ.map(|(column, side)| (column, quantity(of, |l| l.read(side, labels::ATTACK)))));
+    let one = Digest::of_bytes(b"one value");
+    let spanned = |l: &LineageLabels, number: fn(&Spanned) -> f64| {
+        let result = labels::result(&runs[l.place]).ok()?.lineages.iter().find(|result| result.lineage == l.lineage)?;
+        Spanned::of(&runs[l.place], result).as_ref().map(number)
+    };
+    for column in [AREA_PARENT, AREA_EVOLVED, AREA_CHANGE] {
+        let Some(number) = area_of(column.key) else { continue };
+        let areas = quantity(of, |l| PerScene { suite: one, values: vec![spanned(l, number)] });
+        let estimate = bootstrap::estimates(&[areas]).into_iter().next().flatten();
+        // Without repetitions one value has no spread.
+        let repeated = searches(of.iter().copied()).iter().any(|of| of.len() > 1);
+        let shown = estimate.map(|own| if repeated { own } else { Estimate::plain(own.value) });
+        numbers.extend(shown.map(|own| (column.key, own)));
+    }
+    let mut chances = [None; 2];
+    for ((null, labels), p) in NULL_SEARCHES.iter().zip(nulls).zip(&mut chances) {
+        let differences = over(of, labels, labels::ATTACK);
+        let Some((estimate, chance)) = bootstrap::compared_with_zero(&[differences]).into_iter().next().flatten()
+        else {
+            continue;
+        };
+        numbers.insert(null.over.key, estimate);
+        *p = Some(chance);
+    }
+    (numbers, chances)
+}
+
+/// The evolved programs minus those of a null search, by lineage, seed and scene; of lineages that both have.
+fn over(of: &[&LineageLabels], null: &[LineageLabels], reading: Reading) -> Quantity {
+    let counterpart = |own: &LineageLabels| {
+        null.iter().find(|l| l.lineage == own.lineage && l.suite == own.suite && l.ego == own.ego)
+    };
+    let shared: Vec<&LineageLabels> = of.iter().copied().filter(|own| counterpart(own).is_some()).collect();
+    quantity(&shared, |own| {
+        let after = own.read(Side::Evolved, reading);
+        let before = counterpart(own).map(|null| null.read(Side::Evolved, reading).values).unwrap_or_default();
+        let difference = |(after, before): (Option<f64>, Option<f64>)| Some(after? - before?);
+        PerScene { suite: own.suite, values: after.values.into_iter().zip(before).map(difference).collect() }
+    })
+}
+
+fn notes(runs: &[RecordedRun], own: &[LineageLabels], rows: &[Row]) -> Vec<String> {
+    let floors: BTreeSet<String> = own.iter().flat_map(|l| &l.floors).map(|floor| format!("{floor:.2}")).collect();
+    let mut notes = vec![
+        "Attack: share of held-out scenes in which the ego fails by a contact that the experiment counts. Evolved: the program that is \
+         reported. All programs are chosen on evolution scenes."
+            .to_string(),
+        match floors.is_empty() {
+            true => "No further floors of realism are declared (selector.also_at), so those columns are empty.".to_string(),
+            false => format!(
+                "Low, Middle, High: attack of the finalist, or parent, that the same rule chooses where realism on evolution scenes must be \
+                 at least {}; where nobody reaches that it is the most realistic one.",
+                floors.into_iter().collect::<Vec<_>>().join(", ")
+            ),
+        },
+        "Area: what the parent dominates in the plane of attack and strict realism on held-out scenes, in absolute units (1 is everything), \
+         and what it dominates with the first three descendants by the reporting rule."
+            .to_string(),
+        "Random patches: the same loop with a random legal patch in place of every proposal. Shuffled labels: the same proposals, but \
+         accepted by the labels of another candidate. Differences are paired by lineage, seed and scene. p: two-sided, corrected by Holm \
+         over the rows of single searches; that of the row over all is not corrected."
+            .to_string(),
+        notes::intervals("held-out scenes"),
+    ];
+    notes.extend(notes::one_seed(&notes::repeats(own.iter()), "held-out scenes"));
+    notes.extend(notes::all_alike(rows, 0, |column| column.group == ATTACK && column.form == Form::Rate));
+    notes.extend(notes::own_attack(runs));
+    notes.extend(runs.iter().map(notes::run));
+    notes.extend(notes::different_versions(runs));
+    notes
+}

@@ -139,7 +139,8 @@ class Driver:
                 raise Stopped("a round brought nothing: the plan asks for what its results do not hold; please report this with the run folder")
         self.close()
         spent = time.monotonic() - began
-        self.line.say(f"{self.rounds_done} rounds, {self.counts['shards']} shards, {self.counts['lost']} lost and tried again, "
+        rounds = "1 round" if self.rounds_done == 1 else f"{self.rounds_done} rounds"
+        self.line.say(f"{rounds}, {self.counts['shards']} shards, {self.counts['lost']} lost and tried again, "
                       f"{self.counts['refused']} results refused, {spent:.0f} s; now the run, from records")
         words = ["record" if self.options.record else "run", self.options.experiment, "--out", self.options.out]
         code, *finish_s = timed(lambda: self.evodrive.shown(*words, *(["--no-report"] if self.options.no_report else [])))

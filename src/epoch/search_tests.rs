@@ -4,10 +4,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Without;
-use super::tests::{Ran, carried_out, experiment};
-use crate::archive::PromotionRule;
+use super::tests::{Ran, carried_out, experiment, three_families};
 use crate::archive::openevolve::OpenEvolveOptions;
 use crate::archive::search::{Method, SearchOptions};
+use crate::archive::{Contender, PromotionRule, SelectorOptions, select_active};
 use crate::experiment::Experiment;
 use crate::kernel::Digest;
 use crate::objects::attempt::Gate;
@@ -200,6 +200,36 @@ fn whoever_leads_has_shown_its_gain_on_as_many_scenes_as_that_took() {
     assert!(decisions().all(|decision| !decision.promoted || decision.race.is_some()));
     assert!(races.iter().any(|(_, race)| !race.shown), "luck was not tried");
     assert!(led(&ran) < led(&plain), "{} lead, without a race {}", led(&ran), led(&plain));
+}
+
+#[test]
+fn at_every_floor_of_realism_the_rule_chooses_again_among_the_same_finalists() {
+    let mut experiment = three_families();
+    experiment.selector.also_at = Some([0.5, 0.995]);
+    let selector = experiment.selector.clone();
+    let ran = carried_out(&experiment);
+    let mut chosen = BTreeSet::new();
+    for lineage in &ran.result.lineages {
+        let own = ran.finalists.iter().filter(|of| of.lineage == lineage.lineage);
+        let contenders: Vec<Contender> = own
+            .map(|of| {
+                let (objectives, coverage) = (of.score.objectives, of.score.coverage);
+                Contender { solution: of.solution.clone(), objectives, coverage }
+            })
+            .collect();
+        let floors: Vec<f64> = lineage.at_realism.iter().map(|of| of.realism_min).collect();
+        assert_eq!(floors, [0.5, selector.realism_min, 0.995]);
+        for of in &lineage.at_realism {
+            let options = SelectorOptions { realism_min: of.realism_min, ..selector.clone() };
+            let wanted = select_active(&contenders, &options).unwrap();
+            assert_eq!(of.chosen.solution, wanted.solution, "{} at {}", lineage.lineage, of.realism_min);
+            assert_eq!(of.reached, wanted.eligible > 0, "{} at {}", lineage.lineage, of.realism_min);
+            chosen.insert((lineage.lineage.clone(), of.chosen.solution.clone()));
+        }
+        let rule = lineage.at_realism.iter().find(|of| of.realism_min == selector.realism_min).unwrap();
+        assert_eq!(rule.chosen, lineage.evolved, "at the rule's own floor it is the active generator");
+    }
+    assert!(chosen.len() > ran.result.lineages.len(), "no floor chose another program, so nothing was shown");
 }
 
 #[test]

@@ -97,7 +97,7 @@ fn carried_out_asking(experiment: &Experiment, open: Option<usize>, patience: &P
 }
 
 /// CAT, AT and ADV-BMT with a memory that they share.
-fn three_families() -> Experiment {
+pub(super) fn three_families() -> Experiment {
     let mut experiment = experiment(PromotionRule::LargestHypervolumeGain, 1);
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml");
     experiment.lineages = Experiment::read(&file).unwrap().lineages;

@@ -91,6 +91,14 @@ pub struct Miss {
     pub remedy: String,
 }
 
+impl Miss {
+    /// One of which nobody looked for the nearest recorded exchange.
+    pub fn plain(cassette: impl Into<String>, key: Digest, slot: DrawSlot, remedy: impl Into<String>) -> Miss {
+        let (cassette, remedy) = (cassette.into(), remedy.into());
+        Miss { cassette, key, slot, nearest: None, difference: None, remedy }
+    }
+}
+
 impl std::fmt::Display for Miss {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let at = |s: &DrawSlot| format!("{}/e{}s{} {} round {}", s.lineage, s.epoch, s.slot, s.role, s.round);

@@ -191,16 +191,8 @@ impl<'a> Record<'a> {
     /// Without models it is a recording that others fill.
     fn complete(&self, request: &Request, key: Digest) -> Result<Completion, AskError> {
         if self.models.is_empty() {
-            let (cassette, remedy) = ("the recording".to_string(), "evodrive record".to_string());
-            let slot = request.slot.clone();
-            return Err(AskError::Miss(Box::new(Miss {
-                cassette,
-                key,
-                slot,
-                nearest: None,
-                difference: None,
-                remedy,
-            })));
+            let miss = Miss::plain("the recording", key, request.slot.clone(), "evodrive record");
+            return Err(AskError::Miss(Box::new(miss)));
         }
         let failed = |error: ModelError| AskError::Model { model: request.model.name.clone(), error };
         let model = self.models.get(&request.model.name).ok_or_else(|| {

@@ -48,13 +48,17 @@ def s3(monkeypatch):
     server.stop()
 
 
-def test_an_address_of_s3(s3):
-    held(place(s3))
-    # Another process sees what was written there since it looked.
-    first, second = place(s3), place(s3)
+def shared(address):
+    """Another process sees what was written there since it looked."""
+    first, second = place(address), place(address)
     assert "c.result" not in second.names()
     first.write("c.result", b"three")
-    assert "c.result" in second.names()
+    assert "c.result" in second.names() and second.read("c.result") == b"three"
+
+
+def test_an_address_of_s3(s3):
+    held(place(s3))
+    shared(s3)
 
 
 @pytest.fixture
@@ -76,10 +80,7 @@ def gs(monkeypatch, tmp_path):
 
 def test_an_address_of_gs(gs):
     held(place(gs))
-    first, second = place(gs), place(gs)
-    assert "c.result" not in second.names()
-    first.write("c.result", b"three")
-    assert "c.result" in second.names() and second.read("c.result") == b"three"
+    shared(gs)
 
 
 def test_a_machine_unpacks_what_travels_once(tmp_path, monkeypatch):

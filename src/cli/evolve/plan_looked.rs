@@ -64,7 +64,6 @@ impl Ask for Looked<'_> {
         }
         let bytes = request.messages.iter().map(|message| message.text.len() as u64).sum();
         seen.missing.insert((slot.clone(), key), Question { slot: slot.clone(), key, bytes });
-        let (cassette, remedy) = (self.cassette.name.clone(), String::new());
-        Err(AskError::Miss(Box::new(Miss { cassette, key, slot, nearest: None, difference: None, remedy })))
+        Err(AskError::Miss(Box::new(Miss::plain(self.cassette.name.clone(), key, slot, ""))))
     }
 }

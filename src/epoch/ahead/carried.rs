@@ -133,16 +133,8 @@ impl Ask for Carried<'_> {
             (Some(bytes), _) => bytes,
             (None, Some(models)) => return self.asked_here(models, request, key),
             (None, None) => {
-                let slot = request.slot.clone();
-                let (cassette, remedy) = ("the shard".to_string(), "plan the next round".to_string());
-                return Err(AskError::Miss(Box::new(Miss {
-                    cassette,
-                    key,
-                    slot,
-                    nearest: None,
-                    difference: None,
-                    remedy,
-                })));
+                let miss = Miss::plain("the shard", key, request.slot.clone(), "plan the next round");
+                return Err(AskError::Miss(Box::new(miss)));
             }
         };
         Ok(Reply { request: key, response: Digest::of_bytes(&bytes), bytes, metadata: None, sealed_metadata: None })

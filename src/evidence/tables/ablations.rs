@@ -84,7 +84,8 @@ fn title(recorded: &RecordedRun) -> String {
     format!("{what} ({})", opened.name)
 }
 
-fn method(recorded: &RecordedRun) -> &str {
+/// The name of the method that searched.
+pub(super) fn method(recorded: &RecordedRun) -> &str {
     recorded.opened.search.as_ref().map_or("pareto", |search| &search.method)
 }
 
@@ -107,6 +108,18 @@ fn printed(recorded: &RecordedRun) -> Option<Figures> {
         _ => return None,
     };
     Some(Figures::new([ATTACK.key, REALISM.key, ATTACK_REL.key, REALISM_REL.key], &figures))
+}
+
+/// The evolved programs minus those of another run, by lineage, seed and scene; of lineages that both have.
+pub(super) fn against(of: &[&LineageLabels], others: &[LineageLabels], reading: Reading) -> Quantity {
+    let shared: Vec<&LineageLabels> = of.iter().copied().filter(|own| own.counterpart(others).is_some()).collect();
+    quantity(&shared, |own| {
+        let after = own.read(Side::Evolved, reading);
+        let before = own.counterpart(others).map(|other| other.read(Side::Evolved, reading));
+        let before = before.map(|before| before.values).unwrap_or_default();
+        let difference = |(after, before): (Option<f64>, Option<f64>)| Some(after? - before?);
+        PerScene { suite: own.suite, values: after.values.into_iter().zip(before).map(difference).collect() }
+    })
 }
 
 /// A run with the labels of its lineages.
@@ -135,20 +148,9 @@ impl<'a> Ablation<'a> {
         quantity(&self.lineages.iter().collect::<Vec<_>>(), |lineage| lineage.read(side, reading))
     }
 
-    /// Its evolved programs minus another run's, by family, seed and scene; of lineages that both have.
+    /// Its evolved programs minus another run's.
     fn against(&self, whole: &Ablation<'_>, reading: Reading) -> Quantity {
-        let shared: Vec<&LineageLabels> = self.lineages.iter().filter(|own| whole.counterpart(own).is_some()).collect();
-        quantity(&shared, |own| {
-            let after = own.read(Side::Evolved, reading);
-            let before = whole.counterpart(own).map(|other| other.read(Side::Evolved, reading));
-            let before = before.map(|before| before.values).unwrap_or_default();
-            let difference = |(after, before): (Option<f64>, Option<f64>)| Some(after? - before?);
-            PerScene { suite: own.suite, values: after.values.into_iter().zip(before).map(difference).collect() }
-        })
-    }
-
-    fn counterpart(&self, of: &LineageLabels) -> Option<&LineageLabels> {
-        self.lineages.iter().find(|own| own.lineage == of.lineage && own.suite == of.suite && own.ego == of.ego)
+        against(&self.lineages.iter().collect::<Vec<_>>(), &whole.lineages, reading)
     }
 
     fn attempts<'s>(&'s self, lineage: &'s LineageId) -> impl Iterator<Item = &'s Attempt> {

@@ -23,10 +23,7 @@ impl Bases<'_> {
         let against = |reading| {
             let whole = self.searched.get(columns::whole_of(table, run, self.recorded_runs)?)?;
             let all: Vec<&LineageLabels> = whole.iter().collect();
-            let terms = vec![read(&shared(&all, &own), reading), read(&shared(&own, &all), reading)];
-            let formula =
-                "the second term minus the first, paired by lineage and scene, over scenes that count in both";
-            Some((Basis { terms, ..Basis::of(formula.into(), Combine::Paired, Vec::new()) }, read(&all, reading)))
+            Some((paired(&own, &all, |of| read(of, reading)), read(&all, reading)))
         };
         let relative = |reading| {
             let (change, whole) = against(reading)?;
@@ -80,9 +77,7 @@ impl Bases<'_> {
         }
         let null = self.searched.get(gains::null_run(self.recorded_runs, gains::null_of(key)?)?)?;
         let all: Vec<&LineageLabels> = null.iter().collect();
-        let terms = vec![read(&shared(&all, &own), Side::Evolved), read(&shared(&own, &all), Side::Evolved)];
-        let formula = "the second term minus the first, paired by lineage and scene, over scenes that count in both";
-        Some(Basis { terms, ..Basis::of(formula.into(), Combine::Paired, Vec::new()) })
+        Some(paired(&own, &all, |of| read(of, Side::Evolved)))
     }
 
     /// How many proposals of a lineage something holds of, in the mean.
@@ -112,10 +107,14 @@ impl Bases<'_> {
     }
 }
 
+/// A difference of lineages to others, from what `read` gives of each.
+fn paired(own: &[&LineageLabels], others: &[&LineageLabels], read: impl Fn(&[&LineageLabels]) -> Basis) -> Basis {
+    let terms = vec![read(&shared(others, own)), read(&shared(own, others))];
+    let formula = "the second term minus the first, paired by lineage and scene, over scenes that count in both";
+    Basis { terms, ..Basis::of(formula.into(), Combine::Paired, Vec::new()) }
+}
+
 /// Those of some lineages that others have too.
 fn shared<'l>(of: &[&'l LineageLabels], with: &[&LineageLabels]) -> Vec<&'l LineageLabels> {
-    let same = |one: &LineageLabels, other: &LineageLabels| {
-        one.lineage == other.lineage && one.suite == other.suite && one.ego == other.ego
-    };
-    of.iter().copied().filter(|one| with.iter().any(|other| same(one, other))).collect()
+    of.iter().copied().filter(|one| one.counterpart(with.iter().copied()).is_some()).collect()
 }

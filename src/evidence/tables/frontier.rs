@@ -2,7 +2,6 @@
 
 use crate::archive::{ArchiveOptions, hypervolume, non_dominated, pf_area_pct, point};
 use crate::evidence::recorded_run::RecordedRun;
-use crate::objects::Objectives;
 use crate::objects::event::{HeldOut, LineageResult};
 
 /// Descendants that count, as in the paper's tables.
@@ -34,23 +33,25 @@ impl Spanned {
         let objectives = |of: &[&HeldOut]| of.iter().map(|held_out| held_out.score.objectives).collect::<Vec<_>>();
         let (before, after) = (objectives(&parents), objectives(&descendants));
         let gain_pct = pf_area_pct(&before, &after, DESCENDANTS, options);
-        let points = |of: &[Objectives]| of.iter().map(point).collect::<Vec<[f64; 2]>>();
-        let first: Vec<Objectives> = after.iter().take(DESCENDANTS).copied().collect();
-        let own = hypervolume(&points(&before), options.reference);
-        let all = hypervolume(&[points(&before), points(&first)].concat(), options.reference);
-        Some(Spanned { gain_pct, areas: [own, all], steps: steps(&parents, &descendants, gain_pct, options) })
+        let points: Vec<[f64; 2]> = before.iter().chain(&after).map(point).collect();
+        let area = |of: &[[f64; 2]]| hypervolume(of, options.reference);
+        let areas = [area(&points[..before.len()]), area(&points)];
+        let steps = steps(&parents, &descendants, &points, (areas, gain_pct), options);
+        Some(Spanned { gain_pct, areas, steps })
     }
 }
 
-fn steps(parents: &[&HeldOut], descendants: &[&HeldOut], gain_pct: f64, options: &ArchiveOptions) -> Vec<String> {
+fn steps(
+    parents: &[&HeldOut],
+    descendants: &[&HeldOut],
+    points: &[[f64; 2]],
+    ([own, all], gain_pct): ([f64; 2], f64),
+    options: &ArchiveOptions,
+) -> Vec<String> {
     let placed = |of: &HeldOut| {
         let [attack, realism] = point(&of.score.objectives);
         format!("{}: attack {attack}, strict realism {realism}", of.solution)
     };
-    let points: Vec<[f64; 2]> =
-        parents.iter().chain(descendants).map(|held_out| point(&held_out.score.objectives)).collect();
-    let area = |of: &[[f64; 2]]| hypervolume(of, options.reference);
-    let (own, all) = (area(&points[..parents.len()]), area(&points));
     let [attack, realism] = options.reference;
     let mut out =
         vec![format!("areas are measured from the reference point: attack {attack}, strict realism {realism}")];
@@ -61,10 +62,10 @@ fn steps(parents: &[&HeldOut], descendants: &[&HeldOut], gain_pct: f64, options:
     if descendants.is_empty() {
         out.push("no descendant that acts was measured, so none adds an area".into());
     }
-    let spans = non_dominated(&points);
+    let spans = non_dominated(points);
     for (at, descendant) in (parents.len()..).zip(descendants) {
         let without: Vec<[f64; 2]> = points.iter().enumerate().filter(|(k, _)| *k != at).map(|(_, of)| *of).collect();
-        let share = match all - area(&without) {
+        let share = match all - hypervolume(&without, options.reference) {
             alone if alone > 0.0 => format!("it spans the area with the others, and {alone} of it alone"),
             _ if spans[at] => "it has no area beyond the reference point or the others' points".into(),
             _ => "it adds nothing: another one of these has no less of both".into(),

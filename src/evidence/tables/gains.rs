@@ -1,19 +1,21 @@
 //! What a search gained, told so that it cannot be bought: the attack that its finalists reach at several floors of realism, areas in
 //! absolute units, and the gain over null searches instead of over nothing.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
-use super::bootstrap::{self, Estimate, PerScene, Quantity};
+use super::ablations::{against, holm, method};
+use super::bootstrap::{self, Estimate};
 use super::error::TableError;
 use super::frontier::Spanned;
-use super::key::{RowKey, Side};
-use super::labels::{self, LineageLabels, Reading};
+use super::key::Side;
+use super::labels::{self, LineageLabels};
 use super::layout::{Cell, Column, Form, METHOD, Numbers, POLICY, Part, ROLLOUTS, Row, Table};
-use super::metadrive::{SCENES, SEEDS, estimated, quantity};
+use super::metadrive::{SCENES, SEEDS, estimated, of_lineages, policies, quantity, row};
 use super::notes;
 use super::searches::searches;
+use crate::archive::search::Method;
 use crate::evidence::recorded_run::RecordedRun;
-use crate::kernel::Digest;
+use crate::objects::LineageId;
 
 /// Name of the table.
 pub(super) const NAME: &str = "metadrive-gains";
@@ -50,19 +52,19 @@ const AREA_CHANGE: Column = change("area_change", AREA, "Change");
 
 /// A null search: the name of its method, the columns of the difference to it and of its chance.
 struct Null {
-    method: &'static str,
+    method: Method,
     over: Column,
     p: Column,
 }
 
 const NULL_SEARCHES: [Null; 2] = [
     Null {
-        method: "random_proposals",
+        method: Method::RandomProposals,
         over: change("over_random_proposals", NULLS, "Random patches"),
         p: chance("p_random_proposals", NULLS, "p (patches)"),
     },
     Null {
-        method: "shuffled_labels",
+        method: Method::ShuffledLabels,
         over: change("over_shuffled_labels", NULLS, "Shuffled labels"),
         p: chance("p_shuffled_labels", NULLS, "p (labels)"),
     },
@@ -90,17 +92,13 @@ pub(super) fn area_of(key: &str) -> Option<fn(&Spanned) -> f64> {
 }
 
 /// The method of the null search that a column compares with.
-pub(super) fn null_of(key: &str) -> Option<&'static str> {
+pub(super) fn null_of(key: &str) -> Option<Method> {
     NULL_SEARCHES.iter().find(|null| null.over.key == key).map(|null| null.method)
 }
 
-fn method(run: &RecordedRun) -> &str {
-    run.opened.search.as_ref().map_or("pareto", |search| &search.method)
-}
-
 /// The place of the run that is a null search of this method; the first run is never one.
-pub(super) fn null_run(runs: &[RecordedRun], wanted: &str) -> Option<usize> {
-    (1..runs.len()).find(|place| method(&runs[*place]) == wanted)
+pub(super) fn null_run(runs: &[RecordedRun], wanted: Method) -> Option<usize> {
+    (1..runs.len()).find(|place| method(&runs[*place]) == wanted.name())
 }
 
 /// Gains of the first run's searches; the other runs are its null searches.
@@ -126,20 +124,19 @@ pub fn metadrive_gains(runs: &[RecordedRun]) -> Result<Table, TableError> {
     let mut pending: Vec<(Row, Numbers, [Option<f64>; 2])> = Vec::new();
     for (title, policy, of) in titled {
         let (numbers, p) = numbers(runs, &of, &nulls);
-        pending.push((row(title, policy, &of), numbers, p));
+        pending.push((row(&title, policy, &of, Vec::new()), numbers, p));
     }
     // The row over all rests on the others: it is no further test.
     let tested = if several { pending.len().saturating_sub(1) } else { pending.len() };
     let family: Vec<f64> = pending[..tested].iter().flat_map(|(.., p)| p.iter().flatten().copied()).collect();
-    let mut corrected = super::ablations::holm(&family).into_iter();
-    let rows = pending.into_iter().enumerate().map(|(place, (mut row, mut numbers, p))| {
+    let mut corrected = holm(&family).into_iter();
+    let rows = pending.into_iter().enumerate().map(|(place, (row, mut numbers, p))| {
         for (null, p) in NULL_SEARCHES.iter().zip(p) {
             let Some(p) = p else { continue };
             let shown = if place < tested { corrected.next().unwrap_or(p) } else { p };
             numbers.insert(null.p.key, Estimate::plain(shown));
         }
-        row.cells = Cell::row(&columns(), &numbers, None);
-        row
+        Row { cells: Cell::row(&columns(), &numbers, None), notes: Vec::new(), ..row }
     });
     let rows: Vec<Row> = rows.collect();
     let notes = notes(runs, &own, &rows);
@@ -159,46 +156,23 @@ pub fn metadrive_gains(runs: &[RecordedRun]) -> Result<Table, TableError> {
     })
 }
 
-fn policies(of: &[&LineageLabels]) -> String {
-    let all: BTreeSet<&str> = of.iter().map(|l| l.policy.as_str()).collect();
-    all.into_iter().collect::<Vec<_>>().join(" + ")
-}
-
-fn row(title: String, policy: String, of: &[&LineageLabels]) -> Row {
-    let suites: BTreeSet<_> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
-    let seeds = searches(of.iter().copied()).iter().map(Vec::len).max().unwrap_or(0);
-    let kinds: BTreeSet<&str> = of.iter().map(|l| l.proposals.as_str()).collect();
-    Row {
-        key: RowKey::of(of.iter().map(|l| l.key())),
-        labels: vec![title, policy],
-        lineages: of.iter().map(|l| l.lineage.to_string()).collect(),
-        cells: Vec::new(),
-        counts: vec![suites.iter().map(|(_, n)| n).sum(), seeds, of.iter().map(|l| l.rollouts).sum()],
-        proposals: kinds.into_iter().collect::<Vec<_>>().join(" + "),
-        notes: Vec::new(),
-    }
-}
-
 /// A row's numbers, and the chances under no difference to the null searches.
 fn numbers(runs: &[RecordedRun], of: &[&LineageLabels], nulls: &[Vec<LineageLabels>]) -> (Numbers, [Option<f64>; 2]) {
     let mut numbers = estimated(&READ.map(|(column, side)| (column, quantity(of, |l| l.read(side, labels::ATTACK)))));
-    let one = Digest::of_bytes(b"one value");
-    let spanned = |l: &LineageLabels, number: fn(&Spanned) -> f64| {
+    // Drawing up an area costs more than reading a label, and three columns show it.
+    let spanned = |l: &LineageLabels| {
         let result = labels::result(&runs[l.place]).ok()?.lineages.iter().find(|result| result.lineage == l.lineage)?;
-        Spanned::of(&runs[l.place], result).as_ref().map(number)
+        Spanned::of(&runs[l.place], result)
     };
+    let areas: BTreeMap<&LineageId, Spanned> = of.iter().filter_map(|l| Some((&l.lineage, spanned(l)?))).collect();
     for column in [AREA_PARENT, AREA_EVOLVED, AREA_CHANGE] {
         let Some(number) = area_of(column.key) else { continue };
-        let areas = quantity(of, |l| PerScene { suite: one, values: vec![spanned(l, number)] });
-        let estimate = bootstrap::estimates(&[areas]).into_iter().next().flatten();
-        // Without repetitions one value has no spread.
-        let repeated = searches(of.iter().copied()).iter().any(|of| of.len() > 1);
-        let shown = estimate.map(|own| if repeated { own } else { Estimate::plain(own.value) });
+        let shown = of_lineages(of, |l| areas.get(&l.lineage).map(number));
         numbers.extend(shown.map(|own| (column.key, own)));
     }
     let mut chances = [None; 2];
     for ((null, labels), p) in NULL_SEARCHES.iter().zip(nulls).zip(&mut chances) {
-        let differences = over(of, labels, labels::ATTACK);
+        let differences = against(of, labels, labels::ATTACK);
         let Some((estimate, chance)) = bootstrap::compared_with_zero(&[differences]).into_iter().next().flatten()
         else {
             continue;
@@ -207,20 +181,6 @@ fn numbers(runs: &[RecordedRun], of: &[&LineageLabels], nulls: &[Vec<LineageLabe
         *p = Some(chance);
     }
     (numbers, chances)
-}
-
-/// The evolved programs minus those of a null search, by lineage, seed and scene; of lineages that both have.
-fn over(of: &[&LineageLabels], null: &[LineageLabels], reading: Reading) -> Quantity {
-    let counterpart = |own: &LineageLabels| {
-        null.iter().find(|l| l.lineage == own.lineage && l.suite == own.suite && l.ego == own.ego)
-    };
-    let shared: Vec<&LineageLabels> = of.iter().copied().filter(|own| counterpart(own).is_some()).collect();
-    quantity(&shared, |own| {
-        let after = own.read(Side::Evolved, reading);
-        let before = counterpart(own).map(|null| null.read(Side::Evolved, reading).values).unwrap_or_default();
-        let difference = |(after, before): (Option<f64>, Option<f64>)| Some(after? - before?);
-        PerScene { suite: own.suite, values: after.values.into_iter().zip(before).map(difference).collect() }
-    })
 }
 
 fn notes(runs: &[RecordedRun], own: &[LineageLabels], rows: &[Row]) -> Vec<String> {

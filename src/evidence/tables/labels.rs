@@ -193,6 +193,14 @@ impl LineageLabels {
         PerScene { suite: self.suite, values: before.into_iter().zip(after).map(difference).collect() }
     }
 
+    /// Its like in another run: the same lineage and ego on the same scenes.
+    pub fn counterpart<'l>(&self, others: impl IntoIterator<Item = &'l LineageLabels>) -> Option<&'l LineageLabels> {
+        let like = |other: &&LineageLabels| {
+            (&other.lineage, other.suite, &other.ego) == (&self.lineage, self.suite, &self.ego)
+        };
+        others.into_iter().find(like)
+    }
+
     /// As a row's key names it.
     pub fn key(&self) -> Of<LineageId> {
         Of { run: self.place, of: self.lineage.clone() }

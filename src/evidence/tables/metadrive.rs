@@ -189,9 +189,14 @@ fn main_row(method: &str, of: &[&LineageLabels], figures: Option<Figures>) -> Ro
         let relative = (before.value > 0.0).then(|| 100.0 * change.value / before.value);
         ours.extend(relative.map(|relative| (ATTACK_CHANGE_PCT.key, Estimate::plain(relative))));
     }
-    let policies: BTreeSet<String> = of.iter().map(|l| l.policy.clone()).collect();
     let cells = Cell::row(&main_columns(), &ours, figures.as_ref());
-    row(method, policies.into_iter().collect::<Vec<_>>().join(" + "), of, cells)
+    row(method, policies(of), of, cells)
+}
+
+/// The egos of these lineages as tables call them.
+pub(super) fn policies(of: &[&LineageLabels]) -> String {
+    let all: BTreeSet<&str> = of.iter().map(|l| l.policy.as_str()).collect();
+    all.into_iter().collect::<Vec<_>>().join(" + ")
 }
 
 fn policy_row(method: &str, policy: &str, of: &[&LineageLabels], figures: Option<Figures>) -> Row {
@@ -238,11 +243,16 @@ fn measured(of: &[&LineageLabels]) -> Numbers {
 
 /// PF-Area@3, with the spread between seeds where a search was repeated.
 fn pf_area(of: &[&LineageLabels]) -> Option<Estimate> {
+    of_lineages(of, |l| Some(l.pf_area_at_3_pct))
+}
+
+/// A number of a lineage as a whole, with the spread between seeds where a search was repeated.
+pub(super) fn of_lineages(of: &[&LineageLabels], number: impl Fn(&LineageLabels) -> Option<f64>) -> Option<Estimate> {
     // One value a seed: as a suite of one scene.
     let suite = Digest::of_bytes(b"one value");
-    let areas = quantity(of, |l| PerScene { suite, values: vec![Some(l.pf_area_at_3_pct)] });
-    let repeated = areas.iter().any(|search| search.seeds.len() > 1);
-    let estimated = bootstrap::estimates(&[areas]).into_iter().next().flatten()?;
+    let numbers = quantity(of, |l| PerScene { suite, values: vec![number(l)] });
+    let repeated = numbers.iter().any(|search| search.seeds.len() > 1);
+    let estimated = bootstrap::estimates(&[numbers]).into_iter().next().flatten()?;
     Some(if repeated { estimated } else { Estimate::plain(estimated.value) })
 }
 
@@ -261,7 +271,8 @@ pub(super) fn estimated(quantities: &[(Column, Quantity)]) -> Numbers {
     estimated.filter_map(|(column, estimate)| Some((column.key, estimate?))).collect()
 }
 
-fn row(method: &str, policy: String, of: &[&LineageLabels], cells: Vec<Cell>) -> Row {
+/// A row of these lineages, with what stopped those that show no gain.
+pub(super) fn row(method: &str, policy: String, of: &[&LineageLabels], cells: Vec<Cell>) -> Row {
     let suites: BTreeMap<_, usize> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
     let kinds: BTreeSet<&str> = of.iter().flat_map(|l| l.proposals.split(" + ")).collect();
     let seeds = searches(of.iter().copied()).iter().map(Vec::len).max().unwrap_or(0);

@@ -596,6 +596,22 @@ fn a_planner_stands_by_its_name_beside_the_methods_and_two_planners_are_two_rows
     assert_eq!(row(&table, "CAT (cat-mine)").labels[1], "command");
 }
 
+/// An archive that measures areas from the origin.
+fn archive() -> ArchiveOptions {
+    ArchiveOptions {
+        reference: [0.0; 2],
+        r0: 0.95,
+        a0: 0.5,
+        epsilon_r: 0.0,
+        epsilon_a: 0.0,
+        epsilon_pf: 1e-3,
+        level: 0.8,
+        coverage_floor: 0.8,
+        promotion: PromotionRule::LargestHypervolumeGain,
+        race: None,
+    }
+}
+
 /// Three seeds of CAT under a method, the evolved programs with these labels.
 fn searched(method: Option<&str>, evolved: [Label; 4]) -> RecordedRun {
     let mut run = run(method.unwrap_or("search"), &[("actor", "scripted scripted-1")]);
@@ -612,18 +628,7 @@ fn searched(method: Option<&str>, evolved: [Label; 4]) -> RecordedRun {
     for (held_out, role) in run.held_out.iter_mut().zip(["parent", "descendant"].into_iter().cycle()) {
         held_out.roles = vec![role.to_string()];
     }
-    run.declared.archive = Some(ArchiveOptions {
-        reference: [0.0; 2],
-        r0: 0.95,
-        a0: 0.5,
-        epsilon_r: 0.0,
-        epsilon_a: 0.0,
-        epsilon_pf: 1e-3,
-        level: 0.8,
-        coverage_floor: 0.8,
-        promotion: PromotionRule::LargestHypervolumeGain,
-        race: None,
-    });
+    run.declared.archive = Some(archive());
     run
 }
 
@@ -665,18 +670,7 @@ fn the_frontier_area_is_worked_out_again_and_names_who_spans_it() {
     let mut run = scripted();
     // Attack 0.25 at 0.9 of the parent; 0.5 at 0.97 of the descendant: (0.485 - 0.225) / 0.225.
     add(&mut run, &End { pf_area_at_3_pct: 100.0 * (0.485 - 0.225) / 0.225, ..CAT });
-    run.declared.archive = Some(ArchiveOptions {
-        reference: [0.0; 2],
-        r0: 0.95,
-        a0: 0.5,
-        epsilon_r: 0.0,
-        epsilon_a: 0.0,
-        epsilon_pf: 1e-3,
-        level: 0.8,
-        coverage_floor: 0.8,
-        promotion: PromotionRule::LargestHypervolumeGain,
-        race: None,
-    });
+    run.declared.archive = Some(archive());
     for (held_out, role) in run.held_out.iter_mut().zip(["parent", "descendant"]) {
         held_out.roles = vec![role.to_string()];
     }

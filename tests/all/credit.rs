@@ -1,13 +1,14 @@
 //! `credit`: the edits of a program taken out and put on alone give what the programs between parent and program gave.
 
 use serde_json::Value;
+use std::path::Path;
 
 use evodrive::evidence::RecordedRun;
 use evodrive::objects::LineageId;
 use evodrive::store::read_events;
 
-use crate::harness::run;
-use crate::quickstart::finished;
+use crate::harness::{report_data, run};
+use crate::quickstart::{copied, finished};
 
 fn folder() -> String {
     finished().1.to_str().unwrap().to_string()
@@ -61,4 +62,70 @@ fn a_parent_has_no_edit() {
 fn labels_that_are_not_the_recorded_ones_get_no_credit() {
     let ran = run(&["credit", "adv_bmt-idm/e4s1", "--ego", "replay", "--run", &folder()]);
     assert!(ran.code == 4 && ran.stderr.contains("the run recorded another rollout"), "{}", ran.stderr);
+}
+
+/// The report's data, of the lineage that has a descendant to report.
+fn reported(folder: &Path) -> Value {
+    let page = std::fs::read_to_string(folder.join("report.html")).unwrap();
+    let lineages = report_data(&page)[0]["lineages"].as_array().unwrap().clone();
+    lineages.into_iter().find(|of| of["id"] == "adv_bmt-idm").unwrap()
+}
+
+#[test]
+fn a_report_shows_what_each_patch_accounts_for_and_plays_nothing_once_that_is_kept() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = copied(dir.path());
+    let name = folder.to_str().unwrap();
+    let report = |more: &[&str]| {
+        let ran = run(&[["report", "--run", name].as_slice(), more].concat());
+        assert_eq!(ran.code, 0, "{}", ran.stderr);
+        (reported(&folder), ran.stderr.contains("playing it without each of its edits"))
+    };
+    let (page, played) = report(&[]);
+    assert!(page.get("credit").is_none() && !played, "nobody worked anything out yet");
+    let (page, played) = report(&["--credit"]);
+    assert!(played);
+    let shown = &page["credit"];
+    let result = &page["result"];
+    let recorded = |of: &str| result[of]["objectives"]["attack"].as_f64().unwrap();
+    let gain = attack(&shown["whole"]);
+    assert!(gain > 0.0 && (gain - recorded("evolved") + recorded("parent")).abs() < 1e-12, "{gain}: {result}");
+    assert_eq!((&shown["program"], &shown["parent"]), (&result["evolved"]["solution"], &result["parent"]["solution"]));
+    let worked_out = credit(shown["program"].as_str().unwrap());
+    let edits = shown["edits"].as_array().unwrap();
+    assert_eq!(edits.len(), worked_out["edits"].as_array().unwrap().len());
+    for (shown, known) in edits.iter().zip(worked_out["edits"].as_array().unwrap()) {
+        for (name, of) in [("needed", "taken_out"), ("alone", "alone")] {
+            let known = known[of].get("Ok").map(|gain| (&gain["attack"], &gain["realism"]));
+            assert_eq!(shown[name].as_object().map(|gain| (&gain["attack"], &gain["realism"])), known, "{shown}");
+        }
+        let says = shown["says"].as_str().unwrap();
+        assert!(says.starts_with(known["name"].as_str().unwrap()), "{says}");
+    }
+    let total = format!("of +{gain:.3} attack");
+    assert!(edits.iter().any(|edit| edit["says"].as_str().unwrap().contains(&total)), "{total}: {edits:?}");
+    assert_eq!(report(&["--credit"]), (page.clone(), false));
+    assert_eq!(report(&[]), (page, false));
+}
+
+#[test]
+fn credit_of_another_run_is_not_shown_and_a_changed_number_is_damage() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = copied(dir.path());
+    let (name, kept) = (folder.to_str().unwrap(), folder.join("credit.json"));
+    let ran = run(&["credit", "adv_bmt-idm", "--run", name]);
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let text = std::fs::read_to_string(&kept).unwrap();
+    let root = serde_json::from_str::<Value>(&text).unwrap()["root"].as_str().unwrap().to_string();
+    std::fs::write(&kept, text.replace(&root, &"0".repeat(root.len()))).unwrap();
+    assert_eq!(run(&["report", "--run", name]).code, 0);
+    assert!(reported(&folder).get("credit").is_none());
+    let changed = text.replacen("\"value\": 0.", "\"value\": 0.9", 1);
+    assert_ne!(changed, text);
+    std::fs::write(&kept, changed).unwrap();
+    let ran = run(&["report", "--run", name]);
+    assert!(ran.code == 5 && ran.stderr.contains("credit.json: expected credits of digest"), "{}", ran.stderr);
+    // Working it out again mends it.
+    assert_eq!(run(&["credit", "adv_bmt-idm", "--run", name]).code, 0);
+    assert_eq!(std::fs::read_to_string(&kept).unwrap(), text);
 }

@@ -1,17 +1,20 @@
 //! Every cheap way to win that was thought of, beside the fence that makes it worthless: what it gets with the fence and with the fence
 //! taken out. A trick that gets nothing without its fence shows nothing, and fails as well as one that gets through.
 
+mod accepted;
+mod staged;
 mod tricks;
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use evodrive::ego::Policy;
 use evodrive::evaluation::metrics::attack::AttackOptions;
 use evodrive::evaluation::{MetadriveOptions, RolloutRecord, Written, scene_score};
 use evodrive::formats::import_files;
 use evodrive::kernel::Digest;
+use evodrive::objects::SceneScore;
 use evodrive::scene::{PreparedScene, Scene};
 use evodrive::sim::{ContactClass, Intervention, SimulatorOptions, rollout_assessed};
 
@@ -133,36 +136,44 @@ impl Fence {
     }
 }
 
+fn label(record: &RolloutRecord, rules: &MetadriveOptions) -> SceneScore {
+    scene_score(record, Digest::of_bytes(b"request"), Digest::of_bytes(b"stored"), rules)
+}
+
 /// Whether a scene counts as a success of a program that may be reported.
-fn wins(record: &RolloutRecord, rules: &MetadriveOptions, fence: Fence) -> bool {
-    let label = scene_score(record, Digest::of_bytes(b"request"), Digest::of_bytes(b"stored"), rules);
+fn wins(label: &SceneScore, fence: Fence) -> bool {
     // Which contacts count is one question, how plausible a motion is another.
     let plausible = label.realism >= REALISM_MIN || !matches!(fence, Fence::Diagnostics(_));
     label.attack > 0.0 && plausible
+}
+
+/// What comes of a plan; `None` where a stage has no place for it.
+fn played(stage: &Stage, plan: fn(&Stage) -> Option<Plan>) -> Option<RolloutRecord> {
+    let (other, actions) = plan(stage)?;
+    let situation = other.as_ref().unwrap_or(&stage.situation);
+    let driver = &mut *Policy::Idm.driver();
+    let outcome = rollout_assessed(&situation.plant, &Intervention { actions }, driver).ok()?;
+    Some(RolloutRecord {
+        scene: situation.scene.id.clone(),
+        scene_digest: situation.digest(),
+        program: Digest::of_bytes(b"trick"),
+        ego: "idm".into(),
+        intervened: true,
+        meets_anyway: situation.ego_meets,
+        decision: Written::of(&()).unwrap(),
+        outcome,
+    })
 }
 
 /// Scenes in which a trick was tried, and successes with its fence and without.
 fn tried(stages: &[Stage], (_, _, fence, plan): &Trick) -> [usize; 3] {
     let mut counted = [0; 3];
     for stage in stages {
-        let Some((other, actions)) = plan(stage) else { continue };
-        let situation = other.as_ref().unwrap_or(&stage.situation);
-        let driver = &mut *Policy::Idm.driver();
-        let Ok(outcome) = rollout_assessed(&situation.plant, &Intervention { actions }, driver) else { continue };
-        let mut record = RolloutRecord {
-            scene: situation.scene.id.clone(),
-            scene_digest: situation.digest(),
-            program: Digest::of_bytes(b"trick"),
-            ego: "idm".into(),
-            intervened: true,
-            meets_anyway: situation.ego_meets,
-            decision: Written::of(&()).unwrap(),
-            outcome,
-        };
+        let Some(mut record) = played(stage, *plan) else { continue };
         let mut rules = fence.rules();
-        let with = wins(&record, &rules, *fence);
+        let with = wins(&label(&record, &rules), *fence);
         fence.remove(&mut rules, &mut record);
-        let without = wins(&record, &rules, *fence);
+        let without = wins(&label(&record, &rules), *fence);
         for (count, holds) in counted.iter_mut().zip([true, with, without]) {
             *count += usize::from(holds);
         }
@@ -170,18 +181,25 @@ fn tried(stages: &[Stage], (_, _, fence, plan): &Trick) -> [usize; 3] {
     counted
 }
 
+/// Generated scenes with the places in which the ego is to be met.
+fn stages() -> &'static [Stage] {
+    static STAGES: OnceLock<Vec<Stage>> = OnceLock::new();
+    STAGES.get_or_init(|| {
+        let options = worlds::options();
+        let mut quiet = 0..QUIET;
+        let wanted = |of: &Situation| of.ego_meets.is_some() || quiet.next().is_some();
+        let scenes = worlds::prepared(&options, 500).take(SCENES).filter(wanted);
+        scenes.filter_map(|of| Stage::of(prepared(of.scene, &Policy::Idm))).collect()
+    })
+}
+
 #[test]
 fn no_cheap_winner_passes_its_fence_and_each_wins_without_it() {
-    let options = worlds::options();
-    let mut quiet = 0..QUIET;
-    let wanted = |of: &Situation| of.ego_meets.is_some() || quiet.next().is_some();
-    let scenes = worlds::prepared(&options, 500).take(SCENES).filter(wanted);
-    let stages: Vec<Stage> = scenes.filter_map(|of| Stage::of(prepared(of.scene, &Policy::Idm))).collect();
     let mut table =
         String::from("| what was tried | fence | scenes | successes with it | without it |\n|---|---|--:|--:|--:|\n");
     let mut wrong = Vec::new();
     for trick in &TRICKS {
-        let [scenes, with, without] = tried(&stages, trick);
+        let [scenes, with, without] = tried(stages(), trick);
         writeln!(table, "| {} | {} | {scenes} | {with} | {without} |", trick.0, trick.1).unwrap();
         if without < TEMPTING_MIN || with * 20 > without {
             wrong.push(trick.0);

@@ -35,6 +35,13 @@ impl Stage {
         (fast(first) && fast(meets)).then_some(Stage { situation, first, meets })
     }
 
+    /// The same where the ego sets off from a stand: it is met once it has come to speed.
+    pub fn once_fast(situation: Situation) -> Option<Stage> {
+        let fast = |step: &usize| situation.ego.at(*step).is_some_and(|sample| sample.speed_mps() >= SPEED_MPS_MIN);
+        let first = situation.ego.steps().find(|step| fast(step) && fast(&(step + UNTIL)))?;
+        Some(Stage { situation, first, meets: first + UNTIL })
+    }
+
     /// The ego at a step of its undisturbed drive; beyond its end, on at its last velocity.
     fn ego(&self, step: usize) -> Sample {
         let last = self.situation.ego.steps().end - 1;
@@ -115,6 +122,26 @@ fn eased(t: f64, (from_s, to_s): (f64, f64), (from, to): (f64, f64)) -> f64 {
 
 fn alone(action: Action) -> Option<Plan> {
     Some((None, vec![action]))
+}
+
+/// No trick: somebody keeps well behind the ego and does nothing to it.
+pub fn keeps_behind(stage: &Stage) -> Option<Plan> {
+    alone(stage.car(stage.first, |_| (-25.0, 0.0)))
+}
+
+/// No trick either: of those who drive somebody far from the ego keeps a little more to the side.
+pub fn keeps_aside(stage: &Stage) -> Option<Plan> {
+    let ego = stage.ego(stage.first).position;
+    let last = stage.situation.scene.steps - 1;
+    let drives = |track: &Track| {
+        let there = [stage.first, last].map(|step| track.at(step));
+        track.kind == AgentKind::Vehicle && there.into_iter().all(|s| s.is_some_and(|s| s.speed_mps() > SPEED_MPS_MIN))
+    };
+    let others = stage.situation.scene.tracks.iter().enumerate();
+    let others = others.filter(|(track, of)| Some(*track) != stage.met() && drives(of));
+    let far = others.filter_map(|(ix, track)| Some((ix, track.at(stage.first)?.position.distance(ego))));
+    let (far, _) = far.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    alone(stage.log(far, |t| eased(t, (0.0, 4.0), (0.0, 0.3))))
 }
 
 pub fn copies_the_log(stage: &Stage) -> Option<Plan> {

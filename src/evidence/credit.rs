@@ -1,6 +1,6 @@
 //! How much of a program's gain each of its edits carries: the same scenes without the edit, and with the edit alone.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::aligned::Aligned;
 use super::tables::{Compared, Drawn, Estimate, compared_labels};
@@ -9,7 +9,8 @@ use crate::objects::{SceneScore, SolutionId};
 use crate::text::counted;
 
 /// A program against its parent, and its edits one by one.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Credit {
     pub program: SolutionId,
     pub parent: SolutionId,
@@ -21,7 +22,8 @@ pub struct Credit {
 }
 
 /// What one program has more than another, paired by scene.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Gain {
     pub attack: Estimate,
     /// Of the realism over the scenes in which both act; `None` where there is no such scene.
@@ -31,7 +33,8 @@ pub struct Gain {
 }
 
 /// An edit, and what it is worth.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct EditCredit {
     /// The attempt that proposed it; with the number of the operation where operations are taken one by one.
     pub name: String,

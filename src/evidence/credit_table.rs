@@ -3,12 +3,15 @@
 use std::collections::BTreeMap;
 
 use super::credit::{Credit, Gain};
+use super::lineage_text::shortened;
 use super::recorded_run::RecordedRun;
 use super::tables::{
     Cell, Column, Estimate, Form, Head, Part, Row, RowKey, Table, TableError, proposers, run_note, run_sources,
 };
 
 const NAME: &str = "credit";
+/// Characters of an operation.
+const OPERATION_MAX: usize = 56;
 
 const fn change(key: &'static str, group: &'static str, head: &'static str) -> Column {
     Column { key, group, head, upward: Some(true), form: Form::RateChange }
@@ -40,11 +43,13 @@ pub fn credits(run: &RecordedRun, credits: &[Credit]) -> Result<Table, TableErro
         let labels = vec![program.clone(), "all".into(), "the whole chain".into(), credit.whole.verdict()];
         rows.push(row(run, labels, whole, credit.scenes));
         for edit in &credit.edits {
+            // The command says in full what a page has no room for.
             let verdict = match &edit.taken_out {
                 Ok(gain) => gain.verdict(),
-                Err(reason) => reason.clone(),
+                Err(reason) => reason.split(" (").next().unwrap_or_default().to_string(),
             };
-            let labels = vec![program.clone(), edit.name.clone(), edit.what.join("; "), verdict];
+            let what: Vec<String> = edit.what.iter().map(|operation| shortened(operation, OPERATION_MAX)).collect();
+            let labels = vec![program.clone(), edit.name.clone(), what.join("; "), verdict];
             rows.push(row(run, labels, [&edit.taken_out, &edit.alone], credit.scenes));
         }
     }

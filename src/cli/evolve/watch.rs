@@ -100,7 +100,8 @@ fn look(
     }
     let live = Live { epochs: experiment.budget.epochs, proposals: proposals(experiment), reload_s };
     let cost = cost::kept(folder)?;
-    let beside = Beside { selector: &experiment.selector, cost: cost.as_ref(), agreement: None, live: Some(live) };
+    let beside =
+        Beside { selector: &experiment.selector, cost: cost.as_ref(), credits: &[], agreement: None, live: Some(live) };
     store::write_atomic(&folder.report(), report::html(&run, &Stage::default(), &beside).as_bytes())?;
     Ok(Some(run))
 }

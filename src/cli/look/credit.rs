@@ -1,23 +1,25 @@
 //! `credit`: how much of a program's gain each of its edits carries. The edits are taken out one by one, and each is put on the
-//! parent alone; everything else stays as in the run, the scenes and the random streams too.
+//! parent alone; everything else stays as in the run, the scenes and the random streams too. The run's folder keeps what came out, for
+//! reports.
 
 use clap::Args;
 use serde_json::json;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::archive::SelectorOptions;
 use crate::backend::{Answers, Planners};
 use crate::candidates::apply;
 use crate::cli::evolve::behind::{self, Asked};
-use crate::cli::look::table::Format;
+use crate::cli::look::{kept_credit, table::Format};
 use crate::cli::records::folder::RunFolder;
 use crate::cli::records::run_name::OneRun;
 use crate::cli::scenes::files;
 use crate::cli::studies::{apply as applying, packed};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::{exit::Failure, width::stdout_width};
+use crate::ego::Policy;
 use crate::epoch::{Applied, SceneEntry};
 use crate::evidence::RecordedRun;
 use crate::evidence::choice::Choice;
@@ -68,11 +70,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         },
         None => reported(&run, &folder.read_experiment()?.selector, None),
     };
-    let mut credits = Vec::new();
-    for solution in &programs {
-        progress(format!("{solution}: playing it without each of its edits"));
-        credits.push(credit(options, (&folder, &run), solution, &threads)?);
-    }
+    let how = How { operations: options.operations, ego: options.ego.as_ref(), driver: options.driver.as_deref() };
+    let credits = played(&how, (&folder, &run), &programs, &threads)?;
     if credits.is_empty() {
         let whose = lineage.map_or("every lineage's parent".to_string(), |name| format!("the parent of {name}"));
         let text = format!("the run reports {whose}: there is no edit to give credit to\n");
@@ -84,6 +83,46 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     }
     let texts: Vec<String> = credits.iter().map(|credit| credit.text(stdout_width().unwrap_or(usize::MAX))).collect();
     Ok(Answer::new(texts.join("\n"), json!({"credits": credits})))
+}
+
+/// How edits are taken out, and who drives where the run's driver is not built in.
+#[derive(Default)]
+struct How<'a> {
+    operations: bool,
+    ego: Option<&'a String>,
+    driver: Option<&'a Path>,
+}
+
+/// What edits of these programs account for, by rollouts. Of whole patches the run's folder keeps it.
+fn played(
+    how: &How<'_>,
+    (folder, run): (&RunFolder, &RecordedRun),
+    programs: &[SolutionId],
+    threads: &Threads,
+) -> Result<Vec<Credit>, Failure> {
+    let mut credits = Vec::new();
+    for solution in programs {
+        progress(format!("{solution}: playing it without each of its edits"));
+        credits.push(credit(how, (folder, run), solution, threads)?);
+    }
+    // Labels of another simulator are not made here, so these would stand beside numbers that they do not belong to.
+    let belongs = || folder.read_experiment().map(|experiment| experiment.simulator.backend.is_none());
+    if !how.operations && !credits.is_empty() && belongs()? {
+        kept_credit::keep(folder, run, &credits)?;
+    }
+    Ok(credits)
+}
+
+/// Of all programs that a run reports: what its folder keeps, and rollouts for those that are missing there.
+pub fn of_reported(folder: &RunFolder, run: &RecordedRun, threads: &Threads) -> Result<Vec<Credit>, Failure> {
+    let programs = reported(run, &folder.read_experiment()?.selector, None);
+    let mut credits = kept_credit::kept(folder, run)?;
+    credits.retain(|of| programs.contains(&of.program));
+    let is_missing = |program: &&SolutionId| credits.iter().all(|of| of.program != **program);
+    let missing: Vec<SolutionId> = programs.iter().filter(is_missing).cloned().collect();
+    credits.extend(played(&How::default(), (folder, run), &missing, threads)?);
+    credits.sort_by_key(|of| programs.iter().position(|program| *program == of.program));
+    Ok(credits)
 }
 
 /// Whether a parent is of the lineage of this name, or of one of its seeds.
@@ -166,16 +205,19 @@ impl<'r> Way<'r> {
 }
 
 fn credit(
-    options: &Options,
+    how: &How<'_>,
     (folder, run): (&RunFolder, &RecordedRun),
     solution: &SolutionId,
     threads: &Threads,
 ) -> Result<Credit, Failure> {
     let file = packed::packed_of(folder, run, solution.as_str())?;
-    let way = Way::of(run, solution, options.operations)?;
+    let way = Way::of(run, solution, how.operations)?;
     let sources = families::sources();
     let source = sources.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
-    let (asked, ego) = applying::under_test(&file, options.ego.as_ref(), (options.driver.as_deref(), None))?;
+    let (asked, ego) = match (how.ego, how.driver, own_weights(folder, &file)?) {
+        (None, None, Some(learned)) => (None, learned),
+        (ego, driver, _) => applying::under_test(&file, ego, (driver, None))?,
+    };
     let planners = asked.as_ref().map(Asked::planners);
     let pool = folder.read_pool()?;
     let held_out = run.opened.held_out_scenes.iter().filter_map(|id| pool.scene(id).cloned().map(Arc::new));
@@ -232,6 +274,16 @@ fn credit(
             .ok_or_else(|| Failure::bad_input(format!("{solution}: {}", none())))?,
         edits: way.edits.iter().zip(&variants).map(of_edit).collect(),
     })
+}
+
+/// The learned ego that the run's experiment names for a program's lineage; `None` where its ego is another one.
+fn own_weights(folder: &RunFolder, file: &ProgramFile) -> Result<Option<Policy>, Failure> {
+    let lineage = file.program.lineage_id.as_str();
+    let is_own = |id: &str| id == lineage || lineage.starts_with(&format!("{id}-s"));
+    let experiment = folder.read_experiment()?;
+    let drivers = experiment.lineages.iter().filter(|of| is_own(of.id.as_str())).map(|of| of.driver());
+    let learned = |driver: &Result<Policy, String>| driver.as_ref().is_ok_and(|of| matches!(of, Policy::Learned(_)));
+    drivers.into_iter().find(learned).transpose().map_err(Failure::bad_input)
 }
 
 /// Program hash -> its labels, or why it has none.

@@ -8,6 +8,7 @@ pub mod diff;
 pub mod driven;
 pub mod figure;
 pub mod impact;
+pub mod kept_credit;
 pub mod lineage;
 pub mod page;
 pub mod playables;

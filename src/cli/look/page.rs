@@ -2,7 +2,7 @@
 
 use crate::backend::Backend;
 use crate::cli::evolve::cost;
-use crate::cli::look::playables;
+use crate::cli::look::{kept_credit, playables};
 use crate::cli::records::folder::RunFolder;
 use crate::cli::terminal::exit::Failure;
 use crate::epoch::{Player, Study};
@@ -22,6 +22,7 @@ pub fn write(
 ) -> Result<(), Failure> {
     let playables = playables::choose(&Player::of(study, &run.counsels, backend), run, threads);
     let cost = cost::kept(folder)?;
-    let beside = Beside { selector: &study.selector, cost: cost.as_ref(), agreement, live: None };
+    let credits = kept_credit::kept(folder, run)?;
+    let beside = Beside { selector: &study.selector, cost: cost.as_ref(), credits: &credits, agreement, live: None };
     Ok(store::write_atomic(&folder.report(), report::html(run, &playables, &beside).as_bytes())?)
 }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use crate::backend::Answers;
 use crate::cli::evolve::behind;
-use crate::cli::look::page;
+use crate::cli::look::{credit, page};
 use crate::cli::records::run_name::OneRun;
 use crate::cli::studies::agree;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
@@ -19,6 +19,9 @@ pub struct Options {
     /// Run of the same study in another simulator: adds a section on how far the two agree, as `agree` prints it.
     #[arg(long)]
     pub against: Option<PathBuf>,
+    /// Add what `credit` says of each patch; plays what the folder does not keep yet.
+    #[arg(long)]
+    pub credit: bool,
 }
 
 /// Simulates the played rollouts again (they are deterministic), so a report needs no stored motion.
@@ -32,6 +35,9 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let against = options.against.as_deref();
     let agreement = against.map(|other| agree::agreement(&folder.dir, other, &threads)).transpose()?;
     let run = folder.recorded_on(Some(&threads))?;
+    if options.credit {
+        credit::of_reported(&folder, &run, &threads)?;
+    }
     page::write(&study, &folder, &run, behind::backend(&experiment, answers), agreement.as_ref(), &threads)?;
     let path = folder.report();
     Ok(Answer::new(format!("report: {}", path.display()), json!({"report": path})))

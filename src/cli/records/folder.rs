@@ -254,6 +254,11 @@ impl RunFolder {
         self.dir.join("cost.json")
     }
 
+    /// What patches of its reported programs account for.
+    pub fn credit(&self) -> PathBuf {
+        self.dir.join("credit.json")
+    }
+
     pub fn result(&self) -> PathBuf {
         self.dir.join("result.json")
     }

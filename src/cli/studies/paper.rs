@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::evolve::job_args::{JobArgs, RecordArgs, RunArgs};
 use crate::cli::evolve::run::{self, Job};
-use crate::cli::look::figure;
 use crate::cli::look::table::Which as WhichTable;
+use crate::cli::look::{credit, figure};
 use crate::cli::records::folder::{RUNS, RunFolder};
+use crate::cli::scenes::files::threads;
 use crate::cli::studies::{claims, downstream};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::{Exit, Failure};
@@ -19,6 +20,7 @@ use crate::cli::terminal::timed;
 use crate::draw::{Figure, pdf};
 use crate::evidence::RecordedRun;
 use crate::evidence::claims::{csv as claims_csv, latex as claims_latex, markdown as claims_markdown};
+use crate::evidence::credit_table::credits as credits_table;
 use crate::evidence::downstream as evidence_downstream;
 use crate::evidence::paper::{Piece, Plan, What, numbers, of_agreement, plan, typed_numbers, unknown_numbers};
 use crate::evidence::tables::{self, Table};
@@ -177,6 +179,13 @@ enum Sheet {
 
 fn sheet(piece: &Piece, ran: &Ran, jobs: usize) -> Result<Sheet, Failure> {
     Ok(match piece.what() {
+        What::Credit => {
+            let (Some((folder, run)), threads) = (ran.shown(piece).pop(), threads(jobs)?) else {
+                return Err(Failure::internal(format!("piece {}: its run was not carried out", piece.file)));
+            };
+            let credits = credit::of_reported(&folder, &run, &threads)?;
+            Sheet::Table(credits_table(&run, &credits).map_err(Failure::bad_input)?)
+        }
         What::Table(name) => {
             let which = WhichTable::named(&name).map_err(Failure::bad_input)?;
             Sheet::Table(which.of(&ran.of(piece)).map_err(Failure::bad_input)?)

@@ -3,6 +3,9 @@
 use serde::Deserialize;
 use std::collections::BTreeSet;
 
+/// The table that is no function of recorded events alone.
+const CREDIT: &str = "credit";
+
 /// A plan that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {
@@ -33,6 +36,8 @@ pub struct PlannedRun {
 pub enum What {
     /// A table by its name.
     Table(String),
+    /// The table of what each patch of a run's reported programs accounts for, which takes rollouts.
+    Credit,
     /// A figure by its name.
     Figure(String),
     /// Table or figure of a downstream study.
@@ -70,6 +75,7 @@ impl Piece {
     pub fn what(&self) -> What {
         match (&self.table, &self.figure) {
             _ if self.study.is_some() => What::Downstream { is_table: self.table.is_some() },
+            (Some(table), _) if table == CREDIT => What::Credit,
             (Some(table), _) => What::Table(table.clone()),
             (None, figure) => What::Figure(figure.clone().unwrap_or_default()),
         }
@@ -123,6 +129,9 @@ pub fn plan(file: &str, text: &str) -> Result<Plan, PlanError> {
         if piece.study.is_some() && !piece.runs.is_empty() {
             return Err(refuse("expected either study or runs".into()));
         }
+        if piece.what() == What::Credit && piece.runs.len() != 1 {
+            return Err(refuse(format!("a table of credit is of one run, found {}", piece.runs.len())));
+        }
         if let Some(unknown) = piece.runs.iter().find(|name| read.run(name).is_none()) {
             let known: Vec<&str> = read.runs.iter().map(|run| run.name.as_str()).collect();
             return Err(refuse(format!("no run `{unknown}`; there are {}", known.join(", "))));
@@ -154,6 +163,7 @@ mod tests {
             ("file = \"two\"", "file = \"one\"", "twice"),
             ("file = \"two\"", "file = \"../two\"", "lower-case"),
             ("table = \"proposals\"\n", "", "either table or figure"),
+            ("table = \"proposals\"", "table = \"credit\"", "of one run, found 2"),
             ("short = true", "short = 1", "plan.toml"),
         ] {
             let error = plan("plan.toml", &FILE.replacen(from, to, 1)).unwrap_err().to_string();

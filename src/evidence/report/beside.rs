@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::super::agreement;
+use super::super::credit::Credit;
 use crate::archive::SelectorOptions;
 use crate::objects::cost::RunCost;
 
@@ -12,6 +13,8 @@ pub struct Beside<'a> {
     pub selector: &'a SelectorOptions,
     /// What the run cost, where that is known.
     pub cost: Option<&'a RunCost>,
+    /// What patches of reported programs account for, where that was worked out.
+    pub credits: &'a [Credit],
     /// How far another simulator's run agrees, where one was compared.
     pub agreement: Option<&'a agreement::Report>,
     /// How far a run should go that is not finished, where the page is to follow it.

@@ -7,6 +7,7 @@ use super::super::choice::Choice;
 use super::super::recorded_run::RecordedRun;
 use super::super::tables::compared;
 use super::beside::Beside;
+use super::credit;
 use super::terms::terms;
 use crate::evidence::evaluator::Evolution;
 use crate::evidence::realism::Realisms;
@@ -122,6 +123,9 @@ fn lineage(run: &RecordedRun, id: &LineageId, beside: &Beside<'_>) -> Value {
     // SafeBench's scores are of whole sets of runs: the tables of that protocol have their intervals.
     if let Some(result) = result.filter(|_| run.rounds.is_empty()) {
         object["compared"] = json!(compared((run, &result.parent.solution), (run, &result.evolved.solution)));
+    }
+    if let Some(credit) = result.and_then(|result| credit::of(beside.credits, &result.evolved.solution)) {
+        object["credit"] = credit;
     }
     // Only where the parent is no published one.
     if let Some(adopted) = parent.filter(|adopted| !adopted.origins.is_empty()) {

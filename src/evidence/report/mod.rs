@@ -1,6 +1,7 @@
 //! The report: one self-contained HTML file that opens offline.
 
 mod beside;
+mod credit;
 mod data;
 mod packed;
 mod stage;

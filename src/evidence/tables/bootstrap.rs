@@ -4,7 +4,7 @@
 //! (`student.rs`): m ± t(ν) √(s² / n + v), where s² is the variance of the n seeds' means, v that of the mean over drawn scenes, and
 //! ν is Satterthwaite's number of degrees of freedom for the sum.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use super::student;
@@ -19,7 +19,7 @@ const LEVELS: [f64; 2] = [0.025, 0.975];
 const CHANCE: f64 = 0.05;
 
 /// A number with its interval.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     pub value: f64,
     /// 95 % interval over scenes and seeds; `None` for a number that has none.

@@ -70,12 +70,26 @@
     const compared = rows.filter((l) => l.compared).flatMap((l) => l.compared.quantities.map((q) => [l.id, q.quantity, q.scenes, estimate(q.first), estimate(q.second), estimate(q.difference, true)]));
     byId("compared").hidden = !compared.length;
     if (compared.length) byId("compared-table").append(sortable(["Lineage", "Quantity", "Paired scenes", "Parent", "Chosen", "Chosen − parent"], compared.map((row) => row.map((cell, i) => i === 2 ? [cell, 0] : cell)), "compared", { rowsAPage: 24 }));
+    creditTable(rows.filter((l) => l.credit), estimate);
     byId("result-table").append(...data.unlabelled.map((told) => el("p", { class: "note" }, told)));
     const scenes = rows[0].result.held_out_scenes;
     byId("result-note").textContent = `Held-out labels on ${scenes} scenes, opened after the choice of programs. Attack is ${data.safebench ? "CR (1 − OS) over SafeBench's traffic families" : data.attack ? `the experiment's own measure, the mean over scenes of ${data.attack}` : "the share of scenes in which the ego fails by a contact that the experiment counts"}; any crash: the share of scenes in which the ego touches any road user. Realism is the mean over the scenes that a program acts in; ${data.safebench ? "ARS, SafeBench's adversarial realism score, is what the search uses" : "strict realism, which the search uses, is the smaller one of that and the mean over its successes"}; coverage is the share of scenes that it acts in. The first row is the recorded scenes without a program: the crashes of the ego in recorded traffic, and the realism of that traffic.` +
       (!data.scripted_roles.length ? "" : data.scripted_roles.length === Object.keys(data.models).length
         ? " Proposals came from the scripted stand-in, not from a language model: these numbers say nothing about LLM agents."
         : ` The scripted stand-in, which is not a language model, answered as ${data.scripted_roles.join(", ")}.`);
+  }
+
+  // What `credit` says in words, and its numbers. A patch that cannot be taken out alone has none.
+  function creditTable(lineages, estimate) {
+    byId("credit").hidden = !lineages.length;
+    if (!lineages.length) return;
+    const cells = (gain) => [gain, gain && gain.realism].map((of, i) => of ? estimate(i ? of : of.attack, true) : "–");
+    const line = (l) => [[l.id, "all", `${l.credit.program} against ${l.credit.parent}`, ...cells(l.credit.whole), "–", "–"],
+      ...l.credit.edits.map((e) => [l.id, e.name, e.what.join("; "), ...cells(e.needed), ...cells(e.alone)])];
+    const groups = [["", 3], ["Lost without it", 2], ["Alone on the parent", 2]];
+    const file = ["lineage", "patch", "what it does", ...["lost without it", "alone"].flatMap((of) => [`${of}: attack`, `${of}: realism`])];
+    byId("credit-table").append(sortable(["Lineage", "Patch", "What it does", "attack", "realism", "attack", "realism"], lineages.flatMap(line), "credit", { groups, file, rowsAPage: 24 }));
+    byId("credit-list").append(...lineages.flatMap((l) => l.credit.edits.map((e) => el("li", {}, e.says))));
   }
 
   // What the audit of the record found: `fsck` prints the same.

@@ -156,12 +156,12 @@ pub struct OrientedBox {
 impl OrientedBox {
     /// The box of a road user at a place.
     pub fn new(center: Vec2, heading_rad: f64, length_m: f64, width_m: f64) -> OrientedBox {
-        OrientedBox {
-            center,
-            axis: Vec2::from_heading(heading_rad),
-            half_length_m: 0.5 * length_m,
-            half_width_m: 0.5 * width_m,
-        }
+        OrientedBox::along(center, Vec2::from_heading(heading_rad), length_m, width_m)
+    }
+
+    /// The same by the unit vector of its heading.
+    pub fn along(center: Vec2, axis: Vec2, length_m: f64, width_m: f64) -> OrientedBox {
+        OrientedBox { center, axis, half_length_m: 0.5 * length_m, half_width_m: 0.5 * width_m }
     }
 
     /// Front-left, rear-left, rear-right, front-right: counter-clockwise.

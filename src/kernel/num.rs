@@ -97,6 +97,10 @@ pub fn powu(base: f64, exponent: u32) -> f64 {
 
 /// Logistic function `1 / (1 + e^-x)`.
 pub fn sigmoid(x: f64) -> f64 {
+    // Beyond this `e^-x` is less than half of what 1 can be told apart from.
+    if x > 37.0 {
+        return 1.0;
+    }
     1.0 / (1.0 + exp(-x))
 }
 
@@ -167,6 +171,13 @@ pub fn quantile(values: &[f64], q: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_sigmoid_that_is_one_is_so_to_the_bit_without_an_exponential() {
+        for x in [36.0, 36.5, 37.0, 37.000_000_1, 37.5, 40.0, 700.0, 800.0, f64::INFINITY, f64::NAN, -40.0] {
+            assert_eq!(sigmoid(x).to_bits(), (1.0 / (1.0 + exp(-x))).to_bits(), "{x}");
+        }
+    }
 
     #[test]
     fn a_printed_number_is_rounded_half_away_from_zero_as_it_is_read() {

@@ -3,7 +3,8 @@
 use std::fmt::Debug;
 
 use super::bicycle::State;
-use super::kinematics::{Controls, Slope};
+use super::kinematics::{Controls, Slope, Turn};
+use crate::kernel::Vec2;
 
 /// A motion with what led to it.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,6 +13,8 @@ pub struct Drive {
     pub controls: Vec<Controls>,
     /// The state before the window and after each of its steps.
     pub states: Vec<State>,
+    /// What each step rests on, for its chain rule.
+    pub turns: Vec<Turn>,
 }
 
 /// A motion that a decision vector describes.
@@ -21,6 +24,11 @@ pub trait Driven: Debug + Send + Sync {
 
     /// The motion of a decision vector.
     fn drive(&self, place: &[f64]) -> Drive;
+
+    /// Unit vector of a state's heading, where the model worked it out.
+    fn axis(&self, _drive: &Drive, _state: usize) -> Option<Vec2> {
+        None
+    }
 
     /// The gradient at the decision vector, given the gradients at the states (chain rule).
     fn pull(&self, drive: &Drive, slopes: &[Slope]) -> Vec<f64>;

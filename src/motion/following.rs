@@ -74,7 +74,7 @@ mod tests {
                 state.sample()
             })
             .collect();
-        let states = unroll(&Curved::CAR, start, &controls(&Curved::CAR, start, &samples), DT_S);
+        let (states, _) = unroll(&Curved::CAR, start, &controls(&Curved::CAR, start, &samples), DT_S);
         let worst = samples.iter().zip(&states[1..]).map(|(s, q)| s.position.distance(q.position)).fold(0.0, f64::max);
         assert!(worst < 0.25, "{worst}");
     }

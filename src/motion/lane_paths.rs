@@ -84,13 +84,20 @@ impl LanePath {
 
     /// Point at an arc length; runs straight on beyond the end.
     pub fn at(&self, s_m: f64) -> Vec2 {
-        let i = self.piece(s_m);
+        self.on_piece(self.piece(s_m), s_m)
+    }
+
+    fn on_piece(&self, i: usize, s_m: f64) -> Vec2 {
         self.points[i] + self.directions[i] * (s_m - self.lengths[i])
     }
 
     /// Unit direction at an arc length, turning evenly from piece to piece.
-    pub fn direction(&self, s_m: f64) -> Vec2 {
-        let i = self.piece(s_m);
+    #[cfg(test)]
+    fn direction(&self, s_m: f64) -> Vec2 {
+        self.direction_on(self.piece(s_m), s_m)
+    }
+
+    fn direction_on(&self, i: usize, s_m: f64) -> Vec2 {
         let share = ((s_m - self.lengths[i]) / (self.lengths[i + 1] - self.lengths[i])).clamp(0.0, 1.0);
         // In the middle of a piece it is the piece's direction, at its ends the mean with the neighbour's.
         let (other, weight) = if share < 0.5 {
@@ -101,6 +108,18 @@ impl LanePath {
         let mixed = self.directions[i].lerp(other, weight);
         let norm = mixed.norm();
         if norm > 1e-9 { mixed * (1.0 / norm) } else { self.directions[i] }
+    }
+
+    /// Point and unit direction, which turns evenly from piece to piece, at arc lengths that mostly rise: `near` is the piece of the last one, 0 at
+    /// first.
+    pub fn place(&self, s_m: f64, near: &mut usize) -> (Vec2, Vec2) {
+        if s_m < self.lengths[*near] {
+            *near = self.piece(s_m);
+        }
+        while *near + 2 < self.lengths.len() && self.lengths[*near + 1] <= s_m {
+            *near += 1;
+        }
+        (self.on_piece(*near, s_m), self.direction_on(*near, s_m))
     }
 
     /// Largest curvature up to an arc length, 1/m.
@@ -207,6 +226,22 @@ fn arc(anchor: &Sample, rate: f64, reach_m: f64) -> Option<LanePath> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn places_along_a_way_are_those_of_a_search_for_each() {
+        let curve = |k: i32| Vec2::from_heading(0.02 * f64::from(k * k)) * 7.0 + Vec2::new(3.0 * f64::from(k), 0.0);
+        let path = LanePath::new((0..12).map(curve).collect(), (0.0, 30.0), 0, None).unwrap();
+        let length_m = path.lengths[path.lengths.len() - 1];
+        // Forward, standing, back, at the very points, and beyond both ends.
+        let at = |k: usize| length_m * k as f64 / 90.0;
+        let forward = (0..100).map(at).chain((0..9).map(|_| at(40))).chain((0..60).rev().map(at));
+        let all = forward.chain(path.lengths.clone()).chain([-2.0, 0.0, length_m, length_m + 9.0]);
+        let mut near = 0;
+        for s_m in all {
+            let (point, direction) = path.place(s_m, &mut near);
+            assert_eq!((point, direction), (path.at(s_m), path.direction(s_m)), "{s_m}");
+        }
+    }
 
     #[test]
     fn the_joining_curve_has_the_ends_asked_for() {

@@ -97,11 +97,12 @@ impl Driven for LatentSpace {
 
     fn drive(&self, place: &[f64]) -> Drive {
         let controls = self.controls(place);
-        Drive { states: unroll(&Curved::CAR, self.start, &controls, DT_S), controls }
+        let (states, turns) = unroll(&Curved::CAR, self.start, &controls, DT_S);
+        Drive { states, turns, controls }
     }
 
     fn pull(&self, drive: &Drive, slopes: &[Slope]) -> Vec<f64> {
-        let pulled = pull_back(&Curved::CAR, &drive.states, &drive.controls, slopes, DT_S);
+        let pulled = pull_back(&Curved::CAR, (&drive.states, &drive.turns), &drive.controls, slopes, DT_S);
         let modes = self.waves.len();
         let one = |k: usize| {
             let (which, wave) = (k / modes, &self.waves[k % modes]);

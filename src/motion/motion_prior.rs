@@ -251,16 +251,16 @@ fn suppressed(goals: &[Goal], radius_m: f64, count: usize, stream: &mut Stream) 
 }
 
 fn drive(way: &LanePath, goal: &Goal, anchor: &Sample, steps: usize) -> Vec<Sample> {
-    let mut last_heading = anchor.heading_rad;
+    let (mut last_heading, mut near) = (anchor.heading_rad, 0);
     let sample = |k: usize| {
         let time_s = (k + 1) as f64 * DT_S;
         let (distance_m, speed) = (goal.profile.distance_at(time_s), goal.profile.speed_at(time_s));
-        let direction = way.direction(distance_m);
+        let (position, direction) = way.place(distance_m, &mut near);
         // A standing actor keeps its heading.
         if distance_m > 0.05 {
             last_heading = direction.heading();
         }
-        Sample { position: way.at(distance_m), heading_rad: last_heading, velocity: direction * speed }
+        Sample { position, heading_rad: last_heading, velocity: direction * speed }
     };
     (0..steps).map(sample).collect()
 }

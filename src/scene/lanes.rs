@@ -167,6 +167,21 @@ impl LaneGraph {
     }
 
     fn nearest(&self, point: Vec2, within_m: f64, fits: impl Fn(Vec2) -> bool) -> Option<LanePlace> {
+        let (distance, ix, along) = self.nearest_piece(point, within_m, fits)?;
+        let piece = &self.pieces.all()[ix as usize];
+        let side = piece.direction.cross(point - piece.from);
+        let distance_m = distance.sqrt();
+        Some(LanePlace {
+            lane: piece.lane(),
+            s_m: piece.start_s_m + along,
+            offset_m: side,
+            heading_rad: piece.direction.heading(),
+            distance_m,
+        })
+    }
+
+    /// Squared distance, place among the pieces, and arc length on the piece.
+    fn nearest_piece(&self, point: Vec2, within_m: f64, fits: impl Fn(Vec2) -> bool) -> Option<(f64, u32, f64)> {
         if !point.is_finite() {
             return None;
         }
@@ -184,17 +199,7 @@ impl LaneGraph {
             }
             bound_squared.sqrt()
         });
-        let (distance, ix, along) = best?;
-        let piece = &self.pieces.all()[ix as usize];
-        let side = piece.direction.cross(point - piece.from);
-        let distance_m = distance.sqrt();
-        Some(LanePlace {
-            lane: piece.lane(),
-            s_m: piece.start_s_m + along,
-            offset_m: side,
-            heading_rad: piece.direction.heading(),
-            distance_m,
-        })
+        best
     }
 
     /// Where a point falls on one lane's centre line.
@@ -250,6 +255,40 @@ impl LaneGraph {
             best_m
         });
         best_m
+    }
+
+    /// The larger of `least_m` and [`LaneGraph::off_road_within_m`], for who looks for the largest along a way: a place that is no
+    /// farther than what is known already needs no search. `near` is the piece that the last place lay on or near, any number at
+    /// first; a good guess saves time and changes no bit.
+    pub fn off_road_beyond_m(&self, point: Vec2, least_m: f64, within_m: f64, near: &mut u32) -> f64 {
+        let guess = self.pieces.all().get(*near as usize);
+        if self.pieces.all().is_empty() || guess.is_some_and(|piece| piece.contains(point)) {
+            return least_m;
+        }
+        if let Some((under, _)) = self.pieces.at(point).find(|(_, piece)| piece.contains(point)) {
+            *near = under;
+            return least_m;
+        }
+        if guess.is_some_and(|piece| piece.rim_distance_squared(point).sqrt() <= least_m) {
+            return least_m;
+        }
+        least_m.max(self.off_road_within_m(point, within_m))
+    }
+
+    /// The larger of `least_m` and the distance to the nearest street or freeway lane of any heading, at most `within_m`. `near`
+    /// is as for [`LaneGraph::off_road_beyond_m`].
+    pub fn lane_distance_beyond_m(&self, point: Vec2, least_m: f64, within_m: f64, near: &mut u32) -> f64 {
+        let guess = self.pieces.all().get(*near as usize).filter(|piece| piece.is_through() && piece.length_m > 0.0);
+        if guess.is_some_and(|piece| piece.nearest(point).1.sqrt() <= least_m) {
+            return least_m;
+        }
+        match self.nearest_piece(point, within_m, |_| true) {
+            Some((distance, ix, _)) => {
+                *near = ix;
+                least_m.max(distance.sqrt())
+            }
+            None => least_m.max(within_m),
+        }
     }
 
     /// Lanes that can be driven to from `s_m` on `lane` within `budget_m`: over exits, and sideways into neighbours of
@@ -421,6 +460,30 @@ mod tests {
             let rim = graph.pieces.all().iter().map(|p| if p.contains(point) { 0.0 } else { p.rim_distance_squared(point) });
             let off = rim.fold(f64::INFINITY, f64::min).sqrt().min(OFF_ROAD_MAX_M);
             prop_assert_eq!(graph.off_road_m(point), off);
+        }
+
+        #[test]
+        fn the_largest_distances_along_a_way_are_the_same_whatever_was_guessed(
+            way in prop::collection::vec((-30.0..190.0f64, -15.0..25.0f64), 1..12),
+            guess in 0u32..60, within_m in 0.5..40.0f64,
+        ) {
+            let graph = graph();
+            let (mut near_road, mut near_lane) = (guess, guess);
+            let (mut off, mut aside) = ((0.0f64, 0.0f64), (0.0f64, 0.0f64));
+            for (x, y) in way {
+                let point = Vec2::new(x, y);
+                // Who has reached the bound asks no further.
+                if off.0 < within_m {
+                    off.0 = graph.off_road_beyond_m(point, off.0, within_m, &mut near_road);
+                }
+                off.1 = off.1.max(graph.off_road_within_m(point, within_m));
+                if aside.0 < within_m {
+                    aside.0 = graph.lane_distance_beyond_m(point, aside.0, within_m, &mut near_lane);
+                }
+                let place = graph.nearest_lane_any_heading(point, within_m);
+                aside.1 = aside.1.max(place.map_or(within_m, |place| place.distance_m));
+                prop_assert_eq!((off.0.to_bits(), aside.0.to_bits()), (off.1.to_bits(), aside.1.to_bits()));
+            }
         }
     }
 }

@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use super::adam::{Adam, Rates};
-use crate::kernel::OrientedBox;
+use crate::kernel::{OrientedBox, Vec2};
 use crate::motion::bicycle::State;
 use crate::motion::kinematics::Slope;
 use crate::motion::{Candidate, Drive, Driven};
@@ -33,7 +33,11 @@ impl Mover {
     /// What a part does at a place of its space.
     pub fn new(situation: &Situation, part: &Part, driven: &dyn Driven, place: Vec<f64>) -> Mover {
         let drive = driven.drive(&place);
-        let boxes = drive.states.iter().map(|s| situation.body(part.actor, &s.sample())).collect();
+        let body = |(k, state): (usize, &State)| {
+            let axis = driven.axis(&drive, k).unwrap_or_else(|| Vec2::from_heading(state.heading_rad));
+            situation.body_along(part.actor, state.position, axis)
+        };
+        let boxes = drive.states.iter().enumerate().map(body).collect();
         Mover { actor: part.actor, from_step: part.window.from_step, place, drive, boxes }
     }
 

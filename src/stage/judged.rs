@@ -124,13 +124,14 @@ struct EgoRelation {
 fn ego_relation(samples: &[Sample], judged: &Judged<'_>) -> EgoRelation {
     let situation = judged.situation;
     let now = situation.scene.current_step;
+    let track = situation.track(judged.actor);
+    let own_reach = 0.5 * num::hypot(track.length_m, track.width_m);
     let mut measured =
         EgoRelation { distance_m_min: 200.0, approach_s: 20.0, samples: samples.len(), ..EgoRelation::default() };
     for (k, sample) in samples.iter().enumerate() {
         let step = judged.from_step + k;
         let (Some(ego), Some(body)) = (situation.ego.at(step), situation.ego.body(step)) else { break };
-        let track = situation.track(judged.actor);
-        let reach = body.radius() + 0.5 * num::hypot(track.length_m, track.width_m);
+        let reach = body.radius() + own_reach;
         if sample.position.distance(body.center) - reach >= measured.distance_m_min {
             continue;
         }
@@ -197,15 +198,17 @@ const LANE_M_MAX: f64 = 10.0;
 pub fn road_within(samples: &[Sample], judged: &Judged<'_>, [off_max_m, lane_max_m]: [f64; 2]) -> (f64, f64) {
     let lanes = &judged.situation.lanes;
     let (mut off_m, mut lane_m) = (0.0f64, 0.0f64);
+    // No piece yet.
+    let (mut near_road, mut near_lane) = (u32::MAX, u32::MAX);
+    let off_max_m = off_max_m.min(OFF_ROAD_MAX_M);
     for sample in samples.iter().step_by(STRIDE).chain(samples.last()) {
         if off_m < off_max_m {
             for corner in judged.situation.body(judged.actor, sample).corners() {
-                off_m = off_m.max(lanes.off_road_within_m(corner, off_max_m.min(OFF_ROAD_MAX_M)));
+                off_m = lanes.off_road_beyond_m(corner, off_m, off_max_m, &mut near_road);
             }
         }
         if lane_m < lane_max_m {
-            let place = lanes.nearest_lane_any_heading(sample.position, lane_max_m);
-            lane_m = lane_m.max(place.map_or(lane_max_m, |p| p.distance_m));
+            lane_m = lanes.lane_distance_beyond_m(sample.position, lane_m, lane_max_m, &mut near_lane);
         }
     }
     (off_m, if lanes.lane_count() == 0 { 0.0 } else { lane_m })

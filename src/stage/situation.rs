@@ -7,7 +7,7 @@ use super::ego_path::EgoPath;
 use super::road_field::RoadField;
 use crate::adapters::vocabulary;
 use crate::ego;
-use crate::kernel::{Digest, Kept, OrientedBox};
+use crate::kernel::{Digest, Kept, OrientedBox, Vec2};
 use crate::scene::{AgentKind, LaneGraph, PreparedScene, Sample, Scene, SceneFeatures, Track, TrackIx};
 use crate::sim::{self, ActorRef, Intervention, Outcome, Plant, SimError, Trace};
 
@@ -121,6 +121,12 @@ impl Situation {
     pub fn body(&self, track: TrackIx, sample: &Sample) -> OrientedBox {
         let track = self.track(track);
         OrientedBox::new(sample.position, sample.heading_rad, track.length_m, track.width_m)
+    }
+
+    /// The same at a place, by the unit vector of its heading.
+    pub fn body_along(&self, track: TrackIx, center: Vec2, axis: Vec2) -> OrientedBox {
+        let track = self.track(track);
+        OrientedBox::along(center, axis, track.length_m, track.width_m)
     }
 
     /// Index of the road user that a program may insert: beyond the scene's own tracks.

@@ -1,6 +1,6 @@
 //! KING's decision space: steering and throttle at even spacing, squashed by tanh, through the bicycle model.
 
-use crate::kernel::num;
+use crate::kernel::{Vec2, num};
 use crate::motion::bicycle::State;
 use crate::motion::following;
 use crate::motion::kinematics::{Controls, Kinematics, Slope, Steered, pull_back, unroll};
@@ -68,11 +68,16 @@ impl Driven for ActionSpace {
 
     fn drive(&self, place: &[f64]) -> Drive {
         let controls = self.controls(place);
-        Drive { states: unroll(&self.model, self.start, &controls, DT_S), controls }
+        let (states, turns) = unroll(&self.model, self.start, &controls, DT_S);
+        Drive { states, turns, controls }
+    }
+
+    fn axis(&self, drive: &Drive, state: usize) -> Option<Vec2> {
+        drive.turns.get(state).map(|turn| turn.axis)
     }
 
     fn pull(&self, drive: &Drive, slopes: &[Slope]) -> Vec<f64> {
-        let pulled = pull_back(&self.model, &drive.states, &drive.controls, slopes, DT_S);
+        let pulled = pull_back(&self.model, (&drive.states, &drive.turns), &drive.controls, slopes, DT_S);
         let mut slope = vec![0.0; self.record.len()];
         for ((k, by), at) in self.held.iter().zip(pulled).zip(&drive.controls) {
             for which in 0..2 {
@@ -86,7 +91,6 @@ impl Driven for ActionSpace {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::Vec2;
     use proptest::prelude::*;
 
     /// A car that brakes from 9 to 4 m/s and then turns left.

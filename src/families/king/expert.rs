@@ -125,7 +125,13 @@ mod tests {
         };
         let states: Vec<State> = (0..31).map(state).collect();
         let boxes = states.iter().map(|s| situation.body(1, &s.sample())).collect();
-        let mover = Mover { actor: 1, from_step: 1, place: vec![], drive: Drive { controls: vec![], states }, boxes };
+        let mover = Mover {
+            actor: 1,
+            from_step: 1,
+            place: vec![],
+            drive: Drive { controls: vec![], states, turns: vec![] },
+            boxes,
+        };
         let bystanders = Bystanders::of(&situation, &[0, 1], 1..31);
         solves(&situation, &[mover], &bystanders)
     }

@@ -146,6 +146,8 @@ pub struct Asked<'a> {
     /// Whether the slopes of the attack are wanted: not while the ego is being met, for then a search looks for the most
     /// plausible motion that still does.
     pub attacks: bool,
+    /// Whether the motions may be chosen: of others only the slopes are of use, and their cost may be left out of the value.
+    pub is_eligible: bool,
 }
 
 /// What a search goes down.
@@ -211,7 +213,9 @@ pub fn descend(situation: &Situation, parts: &[Part], descent: &Descent, objecti
         let mut contact = None;
         if has_met || iteration % descent.replay_every.max(1) == 0 || iteration == last {
             let scripts = movers.iter().map(|m| (m.actor, m.from_step, m.samples())).collect();
-            let Some(response) = ego_rollout::respond(situation, scripts) else { break };
+            // Who is broken off is asked for nothing later, unless its path serves further iterations.
+            let until = broken_off.filter(|_| has_met || descent.replay_every <= 1);
+            let Some(response) = ego_rollout::respond(situation, scripts, until) else { break };
             // Within the step that would have followed the path's last.
             let in_time = broken_off.is_none_or(|step| response.path.steps().end <= step);
             contact = Some(response.contact && in_time);
@@ -227,6 +231,7 @@ pub fn descend(situation: &Situation, parts: &[Part], descent: &Descent, objecti
             ego,
             until: broken_off.unwrap_or(usize::MAX),
             attacks: !met,
+            is_eligible: met || broken_off.is_none(),
         });
         let terms = asked.map_or(Terms::default(), |asked| objective.loss(&asked, &mut slopes));
         for (k, mover) in movers.iter().enumerate() {

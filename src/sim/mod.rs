@@ -21,8 +21,8 @@ pub use road_users::{
 };
 pub use rollouts::{
     Episode, Held, Part, Pose, Repeated, ReportedActor, ReportedContact, ReportedError, ReportedRollout, RolloutCost,
-    adversaries_of, commands, ending, judge, reported, rollout, rollout_assessed, rollout_counted, rollout_in_parts,
-    rollout_traced, tell,
+    adversaries_of, commands, contact_within, ending, judge, reported, rollout, rollout_assessed, rollout_counted,
+    rollout_in_parts, rollout_traced, tell,
 };
 
 /// Part of every rollout key; rises when any outcome can change.

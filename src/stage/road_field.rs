@@ -199,23 +199,36 @@ impl Hull {
     }
 }
 
-/// A point this deep in the road costs nothing: [`gaussian_departure`] is cut off there, metres.
+/// A point this deep in the road costs nothing: [`gaussian_pull`] is cut off there, metres.
 pub fn gaussian_reach_m(sigma_m: f64) -> f64 {
     4.0 * sigma_m
 }
 
-/// KING's cost of a point beside the road: the mass of a Gaussian around it that falls on undrivable ground, which for
-/// a straight edge is Φ(−d/σ); and its slope.
+/// The cost of a point and its slope.
+#[cfg(test)]
 pub fn gaussian_departure(field: &RoadField, point: Vec2, sigma_m: f64) -> (f64, Vec2) {
+    gaussian_pull(field, point, sigma_m).map_or((0.0, Vec2::ZERO), |(t, pull)| (gaussian_mass(t), pull))
+}
+
+/// Of KING's cost of a point beside the road, [`gaussian_mass`], the distance in deviations and the slope; `None` where a point
+/// costs nothing.
+#[inline]
+pub fn gaussian_pull(field: &RoadField, point: Vec2, sigma_m: f64) -> Option<(f64, Vec2)> {
     let patch = field.patch(point);
     let distance = patch.distance_m();
     if distance > gaussian_reach_m(sigma_m) {
-        return (0.0, Vec2::ZERO);
+        return None;
     }
     let slope = patch.slope();
     let t = distance / sigma_m;
     let density = num::exp(-0.5 * t * t) / (num::TAU.sqrt() * sigma_m);
-    (0.5 * num::erfc(t / core::f64::consts::SQRT_2), slope * -density)
+    Some((t, slope * -density))
+}
+
+/// KING's cost at a distance in deviations: the mass of a Gaussian around a point that falls on undrivable ground, which for a
+/// straight edge is Φ(−d/σ). Above 0 within reach.
+pub fn gaussian_mass(t: f64) -> f64 {
+    0.5 * num::erfc(t / core::f64::consts::SQRT_2)
 }
 
 #[cfg(test)]

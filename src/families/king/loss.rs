@@ -7,7 +7,7 @@ use crate::kernel::{OrientedBox, Vec2, num};
 use crate::motion::kinematics::Slope;
 use crate::motion::separation::{box_to_box, disc_overlap, on_body, point_to_box};
 use crate::search::descent::{Asked, Mover, Objective, Slopes, Terms, covered};
-use crate::stage::road_field::{RoadField, gaussian_departure, gaussian_reach_m};
+use crate::stage::road_field::{RoadField, gaussian_mass, gaussian_pull, gaussian_reach_m};
 use crate::stage::{Bystanders, EgoPath};
 
 /// Which adversaries the ego attracts at each time.
@@ -82,7 +82,7 @@ impl Objective for Loss<'_> {
         let (movers, until) = (asked.movers, asked.until);
         Terms {
             attack: self.attraction(movers, asked.ego, until, slopes),
-            rest: self.departure(movers, until, slopes)
+            rest: self.departure(movers, until, asked.is_eligible, slopes)
                 + self.repulsion(movers, until, slopes)
                 + self.bystanders(movers, until, slopes),
         }
@@ -100,7 +100,7 @@ impl Objective for Loss<'_> {
 impl Loss<'_> {
     /// The value of whole motions against an ego's path; its slopes at the movers' states are added to `slopes`.
     pub fn of(&self, movers: &[Mover], ego: &EgoPath, slopes: &mut Slopes) -> f64 {
-        self.loss(&Asked { movers, ego, until: usize::MAX, attacks: true }, slopes).total()
+        self.loss(&Asked { movers, ego, until: usize::MAX, attacks: true, is_eligible: true }, slopes).total()
     }
 
     fn attraction(&self, movers: &[Mover], ego: &EgoPath, until: usize, slopes: &mut Slopes) -> f64 {
@@ -134,8 +134,9 @@ impl Loss<'_> {
         value
     }
 
-    /// Up to and with the step at which the rollout is broken off, as KING's simulator sees it.
-    fn departure(&self, movers: &[Mover], until: usize, slopes: &mut Slopes) -> f64 {
+    /// Up to and with the step at which the rollout is broken off, as KING's simulator sees it. The value costs as much as the
+    /// slopes; where nobody needs it, it is 0.
+    fn departure(&self, movers: &[Mover], until: usize, is_valued: bool, slopes: &mut Slopes) -> f64 {
         let Some(field) = self.field else { return 0.0 };
         let steps = covered(movers);
         // So deep in the road no foot costs anything: a raster's distances change by at most √2 a metre.
@@ -151,10 +152,11 @@ impl Loss<'_> {
                 }
                 for (along, across) in FEET_M {
                     let arm = body.axis * along + body.axis.left() * across;
-                    let (cost, pull) = gaussian_departure(field, body.center + arm, self.departure_sigma_m);
-                    if cost > 0.0 {
-                        value += share * cost;
-                        slope.add(share, &on_body(pull, arm));
+                    let foot = body.center + arm;
+                    let Some((t, pull)) = gaussian_pull(field, foot, self.departure_sigma_m) else { continue };
+                    slope.add(share, &on_body(pull, arm));
+                    if is_valued {
+                        value += share * gaussian_mass(t);
                     }
                 }
             }
@@ -236,6 +238,7 @@ mod tests {
     use crate::motion::{Window, following};
     use crate::scene::fixture::two_lane_scene;
     use crate::search::descent::{open, slope_error};
+    use crate::stage::road_field::gaussian_departure;
     use crate::stage::{Part, Situation};
     use std::sync::Arc;
 
@@ -313,8 +316,11 @@ mod tests {
                     }
                 }
             }
-            assert_eq!(loss.departure(&movers, usize::MAX, &mut fast), value, "{steering} {sigma_m}");
+            assert_eq!(loss.departure(&movers, usize::MAX, true, &mut fast), value, "{steering} {sigma_m}");
             assert_eq!(fast.states, plain.states, "{steering} {sigma_m}");
+            let mut unvalued = Slopes::of(&movers);
+            assert_eq!(loss.departure(&movers, usize::MAX, false, &mut unvalued), 0.0);
+            assert_eq!(unvalued.states, plain.states, "{steering} {sigma_m}");
         }
         assert!(costly > 50 && free > 50, "{costly} {free}");
     }

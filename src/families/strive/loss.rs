@@ -248,7 +248,7 @@ mod tests {
         for scale in [0.1, 0.5] {
             let shift = |k: usize| scale * ((k % 5) as f64 - 2.2);
             let error = slope_error(&situation, &parts, shift, |movers, slopes| {
-                let asked = Asked { movers, ego: &situation.ego, until: usize::MAX, attacks: true };
+                let asked = Asked { movers, ego: &situation.ego, until: usize::MAX, attacks: true, is_eligible: true };
                 loss.with_shares(&asked, &shares, slopes).total()
             });
             assert!(error < 1e-5, "{scale}: {error}");

@@ -40,6 +40,21 @@ pub fn ending(
     Ok((end, episode.contact().copied()))
 }
 
+/// Whom the ego touches within so many decision steps, bit for bit as in [`ending`]: for searches to which nothing later counts.
+pub fn contact_within(
+    plant: &Plant,
+    intervention: &Intervention,
+    driver: &mut dyn Driver,
+    steps: usize,
+) -> Result<Option<Contact>, SimError> {
+    let mut episode = begun(plant, intervention, driver, false, &mut |_| ())?;
+    while episode.end().is_none() && episode.steps() < steps {
+        let control = driver.decide(&episode.observe());
+        episode.advance(control, &mut |_| (), None)?;
+    }
+    Ok(episode.contact().copied())
+}
+
 /// [`rollout`] with the number of agent-steps it simulated.
 pub fn rollout_counted(
     plant: &Plant,

@@ -375,7 +375,7 @@ mod tests {
         ) {
             // Held for some steps, as an action is; with zeros of either sign among them.
             let held = |k: usize| actions[k - k % hold];
-            let sign = |k: usize| if k % 7 == 0 { 0.0 } else { -0.0 };
+            let sign = |k: usize| if k.is_multiple_of(7) { 0.0 } else { -0.0 };
             let steered: Vec<Controls> =
                 (0..40).map(|k| if k % 11 < 2 { [sign(k), held(k).1] } else { [held(k).0, held(k).1] }).collect();
             let model = Steered { throttle_mps2: 3.0, brake_mps2: 4.952399 };

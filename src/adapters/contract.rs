@@ -149,11 +149,22 @@ pub struct Limits {
     pub expression_nodes: usize,
     /// Largest depth of an expression's tree.
     pub expression_depth: usize,
+    /// Whether a chain of terms is one level of that depth, as detailed questions say, and not a level a term.
+    #[serde(skip)]
+    pub chains_are_one_level: bool,
 }
 
 impl Default for Limits {
     fn default() -> Limits {
-        Limits { operations_per_patch: 8, nodes: 16, rules: 8, modules: 12, expression_nodes: 96, expression_depth: 12 }
+        Limits {
+            operations_per_patch: 8,
+            nodes: 16,
+            rules: 8,
+            modules: 12,
+            expression_nodes: 96,
+            expression_depth: 12,
+            chains_are_one_level: false,
+        }
     }
 }
 

@@ -131,7 +131,8 @@ impl Contract {
             Problem::new(place, format!("{} in column {}", error.found, error.column), error.expected)
         };
         let expr = Expr::parse(text).map_err(refused)?;
-        let (nodes, depth) = (expr.node_count(), expr.depth());
+        let depth = if self.limits.chains_are_one_level { expr.depth_of_chains() } else { expr.depth() };
+        let nodes = expr.node_count();
         let (most, deepest) = (self.limits.expression_nodes, self.limits.expression_depth);
         if nodes > most || depth > deepest {
             let found = format!("an expression of {nodes} nodes and depth {depth}");

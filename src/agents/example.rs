@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::{
     Acceptance, Briefing, Change, Cluster, Context, Diagnostic, FrontPoint, Handbook, HandbookParts, Measures,
-    ParentOutcome, PastEdit, Protocol, SceneRow,
+    ParentOutcome, PastEdit, Protocol, Questions, SceneRow,
 };
 use crate::{
     adapters::{
@@ -50,6 +50,7 @@ impl Example {
             protected_words: &["ego", "simulator"],
             measures,
             omitted: super::Omitted::default(),
+            detail: None,
         };
         Example {
             handbook: Handbook::of(&parts).unwrap(),
@@ -63,6 +64,7 @@ impl Example {
                 describes: "many vehicles, low speed".into(),
                 attacked_share: Some(0.2),
                 features: BTreeMap::from([("vehicle_count".into(), 14.2), ("ego_speed_mps".into(), 6.512_349)]),
+                outcomes: BTreeMap::new(),
             }],
             outcome: outcome(),
             window: window(),
@@ -72,6 +74,7 @@ impl Example {
                 objectives: Objectives { attack: 0.4, realism: 0.93 },
                 attempt: None,
                 is_parent: true,
+                on_window: None,
             }],
         }
     }
@@ -90,6 +93,8 @@ impl Example {
             window: &self.window,
             history: &self.history,
             front: &self.front,
+            questions: Questions::Plain,
+            not_shown: "",
         }
     }
 
@@ -273,6 +278,7 @@ fn outcome() -> ParentOutcome {
         failures: 1,
         coverage: 0.9,
         diagnostics: BTreeMap::from([("jerk".into(), 0.71), ("off_road".into(), 0.99)]),
+        near_misses: None,
     }
 }
 
@@ -289,6 +295,7 @@ fn window() -> Vec<SceneRow> {
         note: note.into(),
         diagnostics: BTreeMap::from([("bounded_jerk".into(), 0.62), ("map_validity".into(), 1.0)]),
         metrics: BTreeMap::new(),
+        encounter: None,
     };
     vec![
         row(1, "attack", Some("cut_in"), 0.0, ""),
@@ -319,7 +326,9 @@ fn history() -> Vec<PastEdit> {
             clusters: BTreeMap::from([("junction".into(), 0.1)]),
             won: vec!["crossing/7".into()],
             lost: vec![],
+            near: None,
         }),
+        verdict: None,
     }]
 }
 

@@ -2,13 +2,19 @@
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::kernel::num;
 use crate::objects::{AttemptId, Operation, OperationKind, SolutionId};
 
 /// Characters of an operation's value that are shown.
 const VALUE_CHARS: usize = 260;
+/// The same in detailed questions: what comes behind is the second half of a long expression.
+const DETAILED_VALUE_CHARS: usize = 150;
+/// Changed diagnostics and clusters that a detailed question names.
+const LARGEST: usize = 3;
+/// A shorter operation is written out again.
+const REPEATED_CHARS: usize = 60;
 /// Characters of a hypothesis that are shown.
 const HYPOTHESIS_CHARS: usize = 110;
 /// Changes of diagnostics and clusters smaller than this are not shown.
@@ -33,6 +39,8 @@ pub struct PastEdit {
     pub problems: Vec<String>,
     /// What it did, where it was simulated.
     pub change: Option<Change>,
+    /// What each gate of the acceptance compared, where the child was not accepted; only in detailed questions.
+    pub verdict: Option<String>,
 }
 
 /// Child minus parent on the same scenes.
@@ -55,6 +63,9 @@ pub struct Change {
     pub won: Vec<String>,
     /// Scenes of its window with less.
     pub lost: Vec<String>,
+    /// Near misses of the parent and of the child on its window; only in detailed questions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub near: Option<[usize; 2]>,
 }
 
 impl PastEdit {
@@ -63,7 +74,7 @@ impl PastEdit {
         let mut shown = json!({
             "attempt": self.attempt,
             "ended": self.ended,
-            "operations": self.operations.iter().map(operation).collect::<Vec<String>>(),
+            "operations": self.operations.iter().map(|of| operation(of, VALUE_CHARS)).collect::<Vec<String>>(),
         });
         if self.parent != *parent {
             shown["parent"] = json!(self.parent);
@@ -77,15 +88,62 @@ impl PastEdit {
         if let Some(change) = &self.change {
             shown["change"] = change.shown().into();
         }
+        if let Some(verdict) = &self.verdict {
+            shown["gates"] = verdict.clone().into();
+        }
+        shown
+    }
+
+    /// The same for a detailed question: an operation whose value stands in the parent is not written out again, and one that another
+    /// edit of the list wrote out neither.
+    pub fn shown_beside(&self, parent: &SolutionId, parts: &Value, written: &mut BTreeSet<String>) -> Value {
+        let mut shown = self.shown(parent);
+        if let Some(change) = &self.change {
+            shown["change"] = change.most().shown().into();
+        }
+        let texts = self.operations.iter().map(|of| {
+            let whole = operation(of, DETAILED_VALUE_CHARS);
+            if of.value.is_some() && of.value.as_ref() == parts.pointer(&of.path) {
+                return format!("{} {}: as in the parent", word(of.op), of.path);
+            }
+            if !written.insert(whole.clone()) && whole.len() > REPEATED_CHARS {
+                return format!("{} {}: as written above", word(of.op), of.path);
+            }
+            whole
+        });
+        shown["operations"] = texts.collect::<Vec<String>>().into();
         shown
     }
 }
 
 impl Change {
+    /// Its largest changes alone.
+    fn most(&self) -> Change {
+        let largest = |all: &BTreeMap<String, f64>| {
+            let mut sorted: Vec<(&String, &f64)> = all.iter().collect();
+            sorted.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()).then(a.0.cmp(b.0)));
+            sorted.into_iter().take(LARGEST).map(|(name, x)| (name.clone(), *x)).collect()
+        };
+        let first = |all: &[String]| match all.len() {
+            0 => Vec::new(),
+            count => vec![format!("{count}, e.g. {}", all[0])],
+        };
+        Change {
+            diagnostics: largest(&self.diagnostics),
+            clusters: largest(&self.clusters),
+            won: first(&self.won),
+            lost: first(&self.lost),
+            ..self.clone()
+        }
+    }
+
     /// In one line: what is 0 is left out.
     fn shown(&self) -> String {
         let (attack, realism) = (with_error(self.attack), with_error(self.realism));
         let mut text = format!("{} scenes: attack {attack}, realism {realism}", self.scenes);
+        if let Some([before, after]) = self.near {
+            text.push_str(&format!(", near misses {before} -> {after}"));
+        }
         if self.coverage.abs() >= CHANGE_MIN {
             text.push_str(&format!(", coverage {}", signed(self.coverage)));
         }
@@ -113,14 +171,18 @@ fn named(scenes: &[String]) -> String {
     text
 }
 
-fn operation(operation: &Operation) -> String {
-    let word = match operation.op {
+fn word(op: OperationKind) -> &'static str {
+    match op {
         OperationKind::Add => "add",
         OperationKind::Replace => "replace",
         OperationKind::Remove => "remove",
-    };
+    }
+}
+
+fn operation(operation: &Operation, chars: usize) -> String {
+    let word = word(operation.op);
     match &operation.value {
-        Some(value) => format!("{word} {} {}", operation.path, cut(&value_text(value), VALUE_CHARS)),
+        Some(value) => format!("{word} {} {}", operation.path, cut(&value_text(value), chars)),
         None => format!("{word} {}", operation.path),
     }
 }

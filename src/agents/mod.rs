@@ -5,6 +5,7 @@
 pub mod compose;
 mod contract_text;
 pub mod counsel;
+pub mod encounter;
 pub mod evolve;
 pub mod examples;
 mod findings;
@@ -22,14 +23,15 @@ mod template;
 pub mod window;
 
 pub use contract_text::contract_text;
+pub use encounter::{Encounter, Moment};
 pub use findings::Findings;
 pub use history::{Change, PastEdit};
 pub use measures::{Acceptance, Diagnostic, Measures, Protocol};
-pub use prompt::{Briefing, Handbook, HandbookParts, Omitted};
+pub use prompt::{Briefing, Detail, Handbook, HandbookParts, Omitted};
 pub use propose::{AgentError, Check, End, Proposed, propose};
 pub use reply::{Refusal, schema};
 pub use tables::{Cluster, FrontPoint};
-pub use task::{Context, ParentOutcome, Target, TargetKind, Task};
+pub use task::{Context, ParentOutcome, Questions, Target, TargetKind, Task};
 pub use template::PromptError;
 pub use window::SceneRow;
 

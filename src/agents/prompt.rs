@@ -2,7 +2,10 @@
 //! question. What changes least stands first, so that a provider's cache and a cassette can share it: all roles, slots and epochs of
 //! a lineage have one handbook, all roles and slots of an epoch one context.
 
-use std::{collections::BTreeMap, sync::LazyLock};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::LazyLock,
+};
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -10,6 +13,7 @@ use serde_json::{Value, json};
 use super::{
     examples::{Examples, examples},
     findings::{self, Findings},
+    history::PastEdit,
     json_text::{dense_json, lean_json, stable_json},
     measures::Measures,
     reply, reply_form, tables,
@@ -65,6 +69,19 @@ pub struct HandbookParts<'a> {
     pub measures: &'a Measures,
     /// What an ablation leaves out.
     pub omitted: Omitted,
+    /// How the family searches and what the driver under test heeds, in sentences; only in detailed questions.
+    pub detail: Option<Detail<'a>>,
+}
+
+/// What only a detailed handbook says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Detail<'a> {
+    /// What the family's search goes through, what it ranks, and what hides an edit.
+    pub search: &'a str,
+    /// What holds around the search of every family: what predictions rest on, what filters and laws see.
+    pub around: &'a str,
+    /// What the driver under test looks at and what it does not.
+    pub ego: &'a str,
 }
 
 /// Parts of the system that a handbook does not speak of, because the run does without them.
@@ -86,8 +103,8 @@ pub struct Handbook(Text);
 impl Handbook {
     /// Writes the handbook out.
     pub fn of(parts: &HandbookParts<'_>) -> Result<Handbook, PromptError> {
-        let HandbookParts { contract, contract_text, parent, foreign_vocabulary, protected_words, measures, omitted } =
-            *parts;
+        let HandbookParts { contract, contract_text, parent, foreign_vocabulary, protected_words, .. } = *parts;
+        let HandbookParts { measures, omitted, detail, .. } = *parts;
         let Examples { works, rule } = examples(contract, parent);
         let (works, rule) = (works.filter(|_| !omitted.modules), rule.filter(|_| !omitted.rules));
         let blocks = json!({
@@ -103,6 +120,7 @@ impl Handbook {
             "modules": !omitted.modules,
             "foreign_words": !omitted.isolation && !foreign_vocabulary.is_empty(),
             "foreign_vocabulary": stable_json(&json!(foreign_vocabulary.join(" "))),
+            "detail": detail.map(|detail| json!({"search": detail.search, "around": detail.around, "ego": detail.ego})),
         });
         Ok(Handbook(fill("handbook.md", &blocks)?.into()))
     }
@@ -134,20 +152,27 @@ impl Briefing {
             "parent_program_hash": context.parent_hash.to_hex(),
             "ego": context.ego,
         });
-        let history: Vec<Value> = context.history.iter().map(|edit| edit.shown(&context.parent.solution_id)).collect();
+        let (parent, detailed) = (to_value(context.parent)?, !context.questions.is_plain());
+        let mut written = BTreeSet::new();
+        let edit = |edit: &PastEdit| match detailed {
+            true => edit.shown_beside(&context.parent.solution_id, &parent, &mut written),
+            false => edit.shown(&context.parent.solution_id),
+        };
+        let history: Vec<Value> = context.history.iter().map(edit).collect();
         let blocks = json!({
             "lineage": context.lineage,
             "epoch": context.epoch,
             "identity": dense_json(&identity, 1),
-            "parent": dense_json(&shown_parent(to_value(context.parent)?), 2),
+            "parent": dense_json(&shown_parent(parent), 2),
             "outcomes": lean_json(&shown_outcomes(context.parent_outcome)),
             "window": window::table(context.window),
             "clusters": tables::clusters(context.clusters),
             "front": tables::front(context.front),
             "history": dense_json(&history.into(), 1),
             "memory": dense_json(&shown_memory(context), 1),
+            "not_shown": context.not_shown,
         });
-        let text = fill("context.md", &blocks)?.into();
+        let text = fill(if detailed { "context_detailed.md" } else { "context.md" }, &blocks)?.into();
         let handbook = context.handbook.text().clone();
         let repeats = BTreeMap::from([
             ("source_baseline", context.parent.source_family.to_string()),
@@ -360,10 +385,11 @@ fn shown_memory(context: &Context<'_>) -> Value {
         if card.kind == CardKind::Critic || !in_history(card) {
             shown["text"] = json!(card.text);
         }
-        // Other kinds have in their text what matters.
+        // Other kinds have in their text what matters, and detailed histories the scenes.
         let tagged = matches!(card.kind, CardKind::Success | CardKind::Failure);
         for (title, tags) in [("mechanism_tags", &card.mechanism_tags), ("scene_tags", &card.scene_tags)] {
-            if tagged && !tags.is_empty() {
+            let elsewhere = title == "scene_tags" && !context.questions.is_plain() && in_history(card);
+            if tagged && !elsewhere && !tags.is_empty() {
                 shown[title] = json!(tags);
             }
         }
@@ -379,7 +405,7 @@ fn shown_memory(context: &Context<'_>) -> Value {
 fn shown_outcomes(outcome: Option<&ParentOutcome>) -> Value {
     let Some(outcome) = outcome else { return Value::Null };
     let below = outcome.diagnostics.iter().filter(|(_, value)| num::rounded(**value, SCORE_DECIMALS) < 1.0);
-    rounded(json!({
+    let mut shown = rounded(json!({
         "attack": outcome.objectives.attack,
         "realism": outcome.objectives.realism,
         "coverage": outcome.coverage,
@@ -387,7 +413,11 @@ fn shown_outcomes(outcome: Option<&ParentOutcome>) -> Value {
         "without_label": outcome.failures,
         "diagnostics": below.collect::<BTreeMap<_, _>>(),
         "weakest_diagnostic": outcome.weakest_diagnostic(),
-    }))
+    }));
+    if let Some(near) = outcome.near_misses {
+        shown["near_misses"] = near.into();
+    }
+    shown
 }
 
 /// Rounds measured numbers to the declared precision; integers stay as they are.

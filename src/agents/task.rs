@@ -1,6 +1,6 @@
 //! The inputs of a proposal: the context that all slots and roles of an epoch share, and the task of one slot.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use super::{
@@ -14,6 +14,24 @@ use crate::{
     llm::ModelSpec,
     objects::{Card, LineageId, Objectives, Program, Role},
 };
+
+/// Which form the questions of a run have. Recorded answers are kept under their questions, so an earlier form stays as it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Questions {
+    /// The first form: what became of each scene in a word.
+    #[default]
+    Plain,
+    /// Says how each scene came about, what nearly happened, why an edit did nothing and why a child was not accepted.
+    Detailed,
+}
+
+impl Questions {
+    /// Whether it is the first form.
+    pub fn is_plain(&self) -> bool {
+        *self == Questions::Plain
+    }
+}
 
 /// Everything of the frozen snapshot that prompts of one lineage and epoch show. Every slot and every role sees the same.
 #[derive(Clone, Copy, Debug)]
@@ -42,6 +60,10 @@ pub struct Context<'a> {
     pub history: &'a [PastEdit],
     /// The lineage's front.
     pub front: &'a [FrontPoint],
+    /// Which form the question has.
+    pub questions: Questions,
+    /// What became of the attempts that the history leaves out, in a sentence; only in detailed questions.
+    pub not_shown: &'a str,
 }
 
 /// The parent's labels, summarised over the scenes.
@@ -57,6 +79,9 @@ pub struct ParentOutcome {
     pub coverage: f64,
     /// Mean of each realism diagnostic, 1 = satisfied.
     pub diagnostics: BTreeMap<String, f64>,
+    /// Scenes in which an attack nearly came about; only in detailed questions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near_misses: Option<usize>,
 }
 
 impl ParentOutcome {

@@ -15,7 +15,7 @@ pub struct PromptError {
     pub reason: String,
 }
 
-const TEMPLATES: [(&str, &str); 17] = [
+const TEMPLATES: [(&str, &str); 18] = [
     ("handbook.md", include_str!("prompts/handbook.md")),
     ("objectives_metadrive.md", include_str!("prompts/objectives_metadrive.md")),
     ("objectives_safebench.md", include_str!("prompts/objectives_safebench.md")),
@@ -31,6 +31,7 @@ const TEMPLATES: [(&str, &str); 17] = [
     ("world.md", include_str!("prompts/world.md")),
     ("template.md", include_str!("prompts/template.md")),
     ("context.md", include_str!("prompts/context.md")),
+    ("context_detailed.md", include_str!("prompts/context_detailed.md")),
     ("scene.md", include_str!("prompts/scene.md")),
     ("task.md", include_str!("prompts/task.md")),
 ];

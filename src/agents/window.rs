@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::encounter::Encounter;
 use crate::kernel::num;
 
 /// A diagnostic at or above this is not shown.
@@ -32,6 +33,8 @@ pub struct SceneRow {
     pub diagnostics: BTreeMap<String, f64>,
     /// Values of the experiment's own metrics.
     pub metrics: BTreeMap<String, f64>,
+    /// How it came about; only in detailed questions.
+    pub encounter: Option<Encounter>,
 }
 
 /// Heads of the table's columns.
@@ -50,9 +53,12 @@ pub fn scene_of<'r>(row: &'r str, known: &BTreeSet<&str>) -> Option<&'r str> {
     row.match_indices(BETWEEN).map(|(end, _)| &row[..end]).find(|id| known.contains(id))
 }
 
-/// The table, a row a line.
+/// The table, a row a line. Detailed rows say in further columns how the scene came about.
 pub fn table(rows: &[SceneRow]) -> String {
     let mut head = HEAD.to_string();
+    if rows.iter().any(|row| row.encounter.is_some()) {
+        head += &format!(" | {}", Encounter::HEAD);
+    }
     if rows.iter().any(|row| !row.metrics.is_empty()) {
         head += " | measured";
     }
@@ -74,7 +80,10 @@ fn row(row: &SceneRow) -> String {
     let nearest_m = row.nearest_m.map_or("-".into(), |m| num::rounded(m, 1).to_string());
     let (place, actors, below) = (place.join(" "), row.actors.join(" "), below.join("; "));
     let outcome = format!("{}{share}{contact}", row.outcome);
-    let line = [row.scene.as_str(), &place, &actors, &outcome, &nearest_m, &below].join(BETWEEN);
+    let mut line = [row.scene.as_str(), &place, &actors, &outcome, &nearest_m, &below].join(BETWEEN);
+    if let Some(encounter) = &row.encounter {
+        line += &format!("{BETWEEN}{}", encounter.shown());
+    }
     if row.metrics.is_empty() {
         return line;
     }
@@ -99,6 +108,7 @@ mod tests {
             note: String::new(),
             diagnostics: BTreeMap::new(),
             metrics: BTreeMap::new(),
+            encounter: None,
         }
     }
 

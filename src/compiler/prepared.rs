@@ -11,7 +11,7 @@ use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::objects::expr::{self, Expr};
 use crate::objects::{Counsel, FamilyName, OperatorNode, ParameterValue, Program, Setting, Slot};
 use crate::stage::judged::Needs;
-use crate::stage::{Module, Settings, Source, Stage};
+use crate::stage::{Module, Settings, Source, Stage, Watched};
 
 /// A module's code and the groups of candidate features that it reads.
 #[derive(Clone, Debug)]
@@ -51,6 +51,8 @@ pub struct Prepared<'p> {
     conditions: Vec<expr::Compiled>,
     modules: BTreeMap<&'p str, Code>,
     searched: Option<&'p Searched>,
+    /// Modules whose values are taken down, by name.
+    watched: BTreeMap<&'p str, Arc<Watched>>,
 }
 
 impl<'p> Prepared<'p> {
@@ -74,12 +76,23 @@ impl<'p> Prepared<'p> {
             let compiled = Arc::new(code_of(&module.expression, &scope)?);
             modules.insert(name.as_str(), Code { compiled, needs, names });
         }
-        Ok(Prepared { program, source, hash, order, conditions, modules, searched: None })
+        Ok(Prepared { program, source, hash, order, conditions, modules, searched: None, watched: BTreeMap::new() })
     }
 
     /// The same that looks up and keeps what its motion and search nodes come to, for programs that differ elsewhere.
     pub fn sharing(self, searched: &'p Searched) -> Prepared<'p> {
         Prepared { searched: Some(searched), ..self }
+    }
+
+    /// The same that takes down what its modules come to, and looks nothing up: what was looked up asks no module.
+    pub fn watching(self) -> Prepared<'p> {
+        let watched = self.modules.keys().map(|name| (*name, Arc::default())).collect();
+        Prepared { searched: None, watched, ..self }
+    }
+
+    /// What a module came to so far, the smallest first; nothing where nobody watches.
+    pub fn watched(&self, module: &str) -> Vec<f64> {
+        self.watched.get(module).map(|watched| watched.sorted()).unwrap_or_default()
     }
 
     /// Where motion and search nodes are looked up.
@@ -242,7 +255,8 @@ impl<'p> Prepared<'p> {
                     if let Some(code) = self.modules.get(reference.mechanism.as_str()) {
                         let mut tail = scene_values.to_vec();
                         tail.extend(self.numeric(parameters));
-                        let module = Module { code: code.compiled.clone(), needs: code.needs, tail };
+                        let watched = self.watched.get(reference.mechanism.as_str()).cloned();
+                        let module = Module { code: code.compiled.clone(), needs: code.needs, tail, watched };
                         settings.modules.insert(setting, module);
                     }
                 }

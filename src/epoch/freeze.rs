@@ -5,14 +5,14 @@ use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
 
 use super::RunError;
 use super::state::State;
-use crate::agents::{AgentError, Briefing, Context, Handbook, ParentOutcome};
+use crate::agents::{AgentError, Briefing, Cluster, Context, Handbook, ParentOutcome, Questions, SceneRow};
 use crate::archive::Archive;
 use crate::archive::search::{SearchState, SlotDraw};
 use crate::epoch::acceptance::search;
 use crate::epoch::briefs::counsels::Counsels;
 use crate::epoch::briefs::handbook::handbook;
 use crate::epoch::briefs::in_effect::{InScene, in_effect};
-use crate::epoch::briefs::{briefing, history, window_rows};
+use crate::epoch::briefs::{aims::Seen, briefing, conflicts, encounters, history, window_rows};
 use crate::epoch::labelling::labels::Labelling;
 use crate::epoch::labelling::standings::Standings;
 use crate::epoch::setting::desk::Tools;
@@ -43,6 +43,8 @@ pub struct Snapshot<'a> {
     pub so_far: Vec<usize>,
     /// Tags that say something about a scene of the window, sorted.
     pub scene_tags: Vec<String>,
+    /// The conflict that each evolution scene holds, where questions are detailed; empty elsewhere.
+    pub conflicts: BTreeMap<String, &'static str>,
     /// What another method than the archive's own remembers, once the epoch's parents are drawn.
     pub search: Option<SearchState>,
     /// Requests of the lineage's labels on evolution scenes so far, where their number is bounded.
@@ -57,6 +59,8 @@ pub struct Parent {
     pub score: Score,
     /// The same in sums.
     pub outcome: ParentOutcome,
+    /// What the window showed of it, where questions are detailed.
+    pub seen: Option<Seen>,
     /// It in each scene of the window.
     pub in_effect: Vec<InScene>,
     /// Written out once for all slots and roles.
@@ -80,7 +84,6 @@ pub fn freeze<'a>(
     spec: &'a LineageSpec,
     tools: &Tools<'_>,
 ) -> Result<Snapshot<'a>, RunError> {
-    let freezing = Freezing { study, state, epoch, spec, tools, handbook: handbook(study, spec)? };
     let (window, so_far) = (study.window(epoch), study.windows_up_to(epoch));
     let counsels = state.counsels.of(&spec.id);
     let labelling = Labelling { study, spec, counsels: &counsels, tools };
@@ -106,6 +109,13 @@ pub fn freeze<'a>(
     let spent = search::spent(study, state, spec, &standing);
     let leaders = with_portfolio(study, state, spec, leaders, &archive, &standing, epoch)?;
     let scene_tags = study.telling_tags(&window);
+    let conflicts = match study.questions {
+        Questions::Plain => BTreeMap::new(),
+        Questions::Detailed => conflicts::conflicts(study, spec, tools),
+    };
+    let handbook = handbook(study, spec)?;
+    let freezing =
+        Freezing { study, state, epoch, spec, labelling, standing: &standing, conflicts: &conflicts, handbook };
     let mut parents = Vec::with_capacity(leaders.len());
     for solution in &leaders {
         let score = standing[solution].window.clone();
@@ -117,8 +127,23 @@ pub fn freeze<'a>(
         parents.push(freezing.parent(parent, score, (&archive, &seen), &scene_tags)?);
     }
     let event = freezing.event(&parents, !drawn.is_empty(), &archive, &window, &so_far)?;
+    drop(freezing);
     let world = state.world.clone();
-    Ok(Snapshot { spec, event, parents, archive, standing, world, counsels, window, so_far, scene_tags, search, spent })
+    Ok(Snapshot {
+        spec,
+        event,
+        parents,
+        archive,
+        standing,
+        world,
+        counsels,
+        window,
+        so_far,
+        scene_tags,
+        conflicts,
+        search,
+        spent,
+    })
 }
 
 /// The programs that the slots edit: one, or the two anchors where they differ.
@@ -150,13 +175,24 @@ fn with_portfolio(
     Ok(leaders.into_iter().chain(turn).collect())
 }
 
+/// What the agents are told of a parent's labels.
+struct Shown {
+    outcome: ParentOutcome,
+    clusters: Vec<Cluster>,
+    window: Vec<SceneRow>,
+    seen: Option<Seen>,
+}
+
 /// Whose state is frozen, and for which epoch.
 struct Freezing<'f> {
     study: &'f Study,
     state: &'f State,
     epoch: u32,
     spec: &'f LineageSpec,
-    tools: &'f Tools<'f>,
+    labelling: Labelling<'f>,
+    standing: &'f Standings,
+    /// Of detailed questions: the conflict of each evolution scene.
+    conflicts: &'f BTreeMap<String, &'static str>,
     /// The same for all parents.
     handbook: Handbook,
 }
@@ -179,7 +215,14 @@ impl Freezing<'_> {
             true => retrieve(&state.memory, &query, &study.memory).into_iter().map(|(card, _)| card.clone()).collect(),
             false => Vec::new(),
         };
-        let outcome = briefing::parent_outcome(&score);
+        let shown = self.shown(&program, &score, scene_tags)?;
+        let mut history = history::shown(state, &spec.id, seen, &memory);
+        let (mut not_shown, mut on_window) = (String::new(), None);
+        if !study.questions.is_plain() {
+            history::with_verdicts(state, &mut history);
+            not_shown = history::not_shown(state, &spec.id, &history);
+            on_window = Some(self.standing);
+        }
         let context = Context {
             lineage: &spec.id,
             epoch,
@@ -188,17 +231,41 @@ impl Freezing<'_> {
             handbook: &self.handbook,
             ego: briefing::ego_sentence(&spec.ego),
             memory: &memory,
-            clusters: &briefing::clusters(study, &score),
-            parent_outcome: Some(&outcome),
-            window: &window_rows::rows(study, &score, scene_tags, self.tools)?,
-            history: &history::shown(state, &spec.id, seen, &memory),
-            front: &briefing::front(seen, solution),
+            clusters: &shown.clusters,
+            parent_outcome: Some(&shown.outcome),
+            window: &shown.window,
+            history: &history,
+            front: &briefing::front(seen, solution, on_window),
+            questions: study.questions,
+            not_shown: &not_shown,
         };
         let briefing = Briefing::of(&context).map_err(AgentError::from)?;
+        let Shown { outcome, seen, .. } = shown;
         let memory_shown = memory.iter().map(|card| card.id.0.clone()).collect();
         let unfit = |failure| RunError::Study(format!("{}: {failure}", program.solution_id));
         let in_effect = in_effect(study, spec, &program, &study.window(epoch))?.map_err(unfit)?;
-        Ok(Parent { program, hash, score, outcome, in_effect, briefing, memory_shown })
+        Ok(Parent { program, hash, score, outcome, seen, in_effect, briefing, memory_shown })
+    }
+
+    /// What the window showed of a parent.
+    fn shown(&self, program: &Program, score: &Score, scene_tags: &[String]) -> Result<Shown, RunError> {
+        let Freezing { study, spec, ref labelling, .. } = *self;
+        let mut outcome = briefing::parent_outcome(score);
+        let mut rows = window_rows::rows(study, score, scene_tags, labelling.tools)?;
+        if study.questions.is_plain() {
+            let clusters = briefing::clusters(study, score);
+            return Ok(Shown { outcome, clusters, window: rows, seen: None });
+        }
+        for row in &mut rows {
+            row.tags = vec![row.cluster.clone()];
+            row.cluster = self.conflicts.get(&row.scene).copied().unwrap_or("free").into();
+        }
+        let near = encounters::near_misses(score, labelling.tools.rollouts)?;
+        outcome.near_misses = Some(near.values().filter(|near| **near).count());
+        let clusters = conflicts::clusters(study, self.conflicts, score, &rows);
+        let seen = Some(Seen::of(&rows, &clusters, &outcome, &study.source(spec)?.contract));
+        let window = encounters::with_encounters(labelling, program, score, rows, &near)?;
+        Ok(Shown { outcome, clusters, window, seen })
     }
 
     fn event(

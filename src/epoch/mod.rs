@@ -3,6 +3,8 @@
 mod acceptance;
 mod ahead;
 mod briefs;
+#[cfg(test)]
+mod detailed_tests;
 mod error;
 mod freeze;
 mod labelling;

@@ -65,7 +65,7 @@ pub(super) fn carried_out(experiment: &Experiment) -> Ran {
 }
 
 /// The same with `open` questions at once, of a model that waits before it answers.
-fn carried_out_asking(experiment: &Experiment, open: Option<usize>, patience: &Patience) -> Ran {
+pub(super) fn carried_out_asking(experiment: &Experiment, open: Option<usize>, patience: &Patience) -> Ran {
     let threads = Threads::new(2).unwrap();
     let study = study(experiment, &threads);
     let folder = tempfile::tempdir().unwrap();
@@ -134,12 +134,14 @@ fn the_order_of_lineages_in_the_file_changes_nothing_that_a_lineage_sees_and_get
 
 /// How many actors' questions of an epoch must be open before one of them is answered.
 #[derive(Default)]
-struct Patience {
+pub(super) struct Patience {
     wanted: usize,
     /// Actors' questions of each epoch so far.
     asked: Mutex<BTreeMap<u32, usize>>,
     /// Questions that were answered while some of their epoch were still to come.
     alone: AtomicUsize,
+    /// All questions to actors.
+    pub heard: Mutex<Vec<Request>>,
 }
 
 /// A model that waits so. It loses patience after some seconds, so that a run whose questions never are together ends, too.
@@ -150,8 +152,11 @@ struct Waiting<'a> {
 
 impl Ask for Waiting<'_> {
     fn ask(&self, request: &Request) -> Result<Reply, AskError> {
-        let Patience { wanted, asked, alone } = self.patience;
+        let Patience { wanted, asked, alone, heard } = self.patience;
         let actors = request.slot.role == Role::Actor.name() && request.slot.round == 0;
+        if actors {
+            heard.lock().unwrap().push(request.clone());
+        }
         if actors && *wanted > 0 {
             let of_epoch = |more: usize| {
                 let mut asked = asked.lock().unwrap();

@@ -123,6 +123,13 @@ fn study() -> Vec<Key> {
                 "Whether no patch brings in a sort of road user (vehicle, cyclist, pedestrian) that its parent does not insert.",
             ),
             (
+                "questions",
+                "",
+                "",
+                Word(|| words(["plain", "detailed"])),
+                "Form of the questions to the roles that evolve programs: `detailed` says how each scene came about, why an edit did nothing and why a child was not accepted.",
+            ),
+            (
                 "split.evolution.count",
                 "",
                 "scenes",

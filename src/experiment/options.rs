@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::ego_weights::{self, EgoWeights};
 use super::{ExperimentError, ModelOptions, ParentProgram};
+use crate::agents::Questions;
 use crate::archive::search::SearchOptions;
 use crate::archive::{ArchiveOptions, SelectorOptions};
 use crate::backend::{BackendOptions, DriverOptions};
@@ -79,6 +80,9 @@ pub struct Experiment {
     /// Whether the sort of road user that a program inserts stays its parent's.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fixed_bodies: bool,
+    /// Which form the questions to the roles that evolve programs have; without it the first one, under which old answers are recorded.
+    #[serde(default, skip_serializing_if = "Questions::is_plain")]
+    pub questions: Questions,
     /// Which method searches, and its budget of rollouts; without it the archive's own, bounded by epochs and slots.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<SearchOptions>,

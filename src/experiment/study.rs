@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::{Experiment, ExperimentError, models};
-use crate::agents::contract_text;
+use crate::agents::{Questions, contract_text};
 use crate::epoch::{Budget, LineageSpec, SceneEntry, Start, Study, Without};
 use crate::families;
 use crate::kernel::{Seed, Threads};
@@ -78,7 +78,7 @@ impl Experiment {
         let chosen: Vec<Arc<Scene>> = wanted.iter().filter_map(|id| by_id.remove(*id)).collect();
         let entries = threads.map(&chosen, |_, scene| SceneEntry::new(scene.clone()));
         let without = self.without.unwrap_or_default();
-        let sources = families::sources().map(|source| limited(source, &without));
+        let sources = families::sources().map(|source| limited(source, &without, self.questions));
         let mut world = self.world.clone();
         if without.audit {
             world.routing.audit_share = 0.0;
@@ -116,6 +116,7 @@ impl Experiment {
             search: self.search.clone(),
             without,
             fixed_bodies: self.fixed_bodies,
+            questions: self.questions,
             selector: self.selector.clone(),
             memory: self.memory.clone(),
             curation: self.curation.clone(),
@@ -134,7 +135,8 @@ impl Experiment {
 }
 
 /// A source whose contract allows no more rules or modules than its parent has, where the run does without them.
-fn limited(mut source: Source, without: &Without) -> Source {
+fn limited(mut source: Source, without: &Without, questions: Questions) -> Source {
+    source.contract.limits.chains_are_one_level = !questions.is_plain();
     if without.conditions {
         source.contract.limits.rules = source.parent.scenario_conditioned_policy.len();
     }

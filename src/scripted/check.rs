@@ -368,7 +368,7 @@ impl<'a> Check<'a> {
         for name in names_in(text).into_iter().filter(|name| !readable.contains(name)) {
             self.unknown(place, "feature", name, readable.iter().copied());
         }
-        let (nodes, depth) = size(text);
+        let (nodes, depth) = size(text, self.page.chains_are_one_level);
         let limits = &self.page.contract.limits;
         if nodes > limits.expression_nodes || depth > limits.expression_depth {
             self.flaw(place, format!("the expression is too large: about {nodes} nodes, {depth} levels"));
@@ -380,34 +380,42 @@ fn put(value: Value) -> Mend {
     Mend::Put(value.to_string())
 }
 
-/// An upper estimate of an expression's nodes and depth: words, numbers and signs; parentheses, and a level for each term of a chain.
-fn size(text: &str) -> (usize, usize) {
+/// An upper estimate of an expression's nodes and depth: words, numbers and signs; parentheses, and a level for each term of a chain, or
+/// for each sort of operator in it where a chain is one level.
+fn size(text: &str, chains_are_one_level: bool) -> (usize, usize) {
     let spaced = text.replace(['(', ')', ','], " ");
     let nodes = spaced.split_whitespace().count();
-    let (mut open, mut deepest, mut chain) = (0usize, 0usize, vec![0usize]);
+    let (mut open, mut deepest, mut chain) = (0usize, 0usize, vec![Vec::<u8>::new()]);
     for token in text.replace('(', " ( ").replace(')', " ) ").replace(',', " , ").split_whitespace() {
-        match token {
+        let sort = match token {
             "(" => {
                 open += 1;
-                chain.push(0);
+                chain.push(Vec::new());
+                None
             }
             ")" => {
                 open = open.saturating_sub(1);
                 chain.pop();
+                None
             }
             "," => {
-                if let Some(last) = chain.last_mut() {
-                    *last = 0;
-                }
+                chain.last_mut().into_iter().for_each(Vec::clear);
+                None
             }
-            "+" | "-" | "*" | "/" | "and" | "or" | "not" | "<" | "<=" | ">" | ">=" | "==" | "!=" => {
-                if let Some(last) = chain.last_mut() {
-                    *last += 1;
-                }
-            }
-            _ => {}
+            "or" => Some(0),
+            "and" => Some(1),
+            "not" => Some(2),
+            "<" | "<=" | ">" | ">=" | "==" | "!=" => Some(3),
+            "+" | "-" => Some(4),
+            "*" | "/" => Some(5),
+            _ => None,
+        };
+        if let (Some(sort), Some(last)) = (sort, chain.last_mut())
+            && !(chains_are_one_level && last.contains(&sort))
+        {
+            last.push(sort);
         }
-        deepest = deepest.max(open + chain.iter().sum::<usize>() + 1);
+        deepest = deepest.max(open + chain.iter().map(Vec::len).sum::<usize>() + 1);
     }
     (nodes, deepest)
 }

@@ -29,6 +29,8 @@ pub struct PromptView {
     pub reviews: Vec<Review>,
     /// What the gates have against the patch, by the gate's name.
     pub refused: BTreeMap<String, Vec<String>>,
+    /// Whether the prompt says that a chain of terms is one level of an expression's depth.
+    pub chains_are_one_level: bool,
     /// The text that a repair could not be shown as a patch.
     pub unreadable: Option<String>,
 }
@@ -171,6 +173,7 @@ impl PromptView {
             patch: blocks.get("Patch").cloned(),
             reviews: blocks.get("Reviews").map(|value| typed("Reviews", value)).transpose()?.unwrap_or_default(),
             refused: refused(&blocks),
+            chains_are_one_level: request.messages.iter().any(|message| message.text.contains("one level of depth")),
             unreadable: blocks.get("Unreadable reply").and_then(|v| v["text"].as_str()).map(String::from),
         })
     }

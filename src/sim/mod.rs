@@ -10,7 +10,7 @@ pub use accounts::{
     ACTED_M, ActorConduct, ActorTrace, AdversaryReport, Contact, Driving, End, Feasibility, Motion, OfKind,
     OfKindReport, Outcome, Trace, driving, feasibility, outcome, smooth,
 };
-pub use encounters::{ContactClass, Side, Striker, assess, gaps, meeting};
+pub use encounters::{ContactClass, Side, Striker, assess, gaps, lateness_s, meeting};
 pub use prepared::{
     Along, AvoidanceOptions, EgoBox, FollowerStart, Obstacle, Path, Plant, PlantOptions, SimError, SimulatorOptions,
     SimulatorOptionsError, Size, body, drivable, error, options, path, plant, plant_options,

@@ -16,6 +16,6 @@ pub mod source;
 
 pub use bystanders::Bystanders;
 pub use ego_path::EgoPath;
-pub use operator::{ActorOperator, Module, Operator, Part, Settings, Stage, StageError};
+pub use operator::{ActorOperator, Module, Operator, Part, Settings, Stage, StageError, Watched};
 pub use situation::{Situation, SituationError, scene_values};
 pub use source::{AskCounsel, AskTemplates, Asks, LeaderWay, Source, Sources};

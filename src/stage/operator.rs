@@ -1,7 +1,7 @@
 //! What operators work on: the parts of a decision, the settings of a node, and expressions ready to be asked.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::judged::{Judged, Needs, features};
 use super::situation::Situation;
@@ -63,6 +63,25 @@ pub struct Module {
     pub needs: Needs,
     /// Values of scene features and parameters, which follow the slot's features in the scope.
     pub tail: Vec<f64>,
+    /// Takes down what it comes to, where somebody wants to know.
+    pub watched: Option<Arc<Watched>>,
+}
+
+/// What a module came to, each time that it was asked.
+#[derive(Debug, Default)]
+pub struct Watched(Mutex<Vec<f64>>);
+
+impl Watched {
+    /// The values so far, the smallest first.
+    pub fn sorted(&self) -> Vec<f64> {
+        let mut values = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        values.sort_by(f64::total_cmp);
+        values
+    }
+
+    fn note(&self, value: f64) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(value);
+    }
 }
 
 impl Module {
@@ -74,7 +93,11 @@ impl Module {
     /// The value for these slot features.
     pub fn number(&self, mut slot_values: Vec<f64>) -> f64 {
         slot_values.extend_from_slice(&self.tail);
-        self.code.number(&slot_values)
+        let value = self.code.number(&slot_values);
+        if let Some(watched) = &self.watched {
+            watched.note(value);
+        }
+        value
     }
 
     pub fn boolean(&self, slot_values: Vec<f64>) -> bool {

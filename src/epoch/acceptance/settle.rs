@@ -6,15 +6,17 @@ use super::consider::Judged;
 use super::rival;
 use crate::agents::Change;
 use crate::epoch::RunError;
+use crate::epoch::briefs::encounters::near_misses;
 use crate::epoch::briefs::history::change;
 use crate::epoch::freeze::Snapshot;
+use crate::epoch::setting::desk::Tools;
 use crate::epoch::setting::study::Study;
 use crate::epoch::state::{Settling, State};
-use crate::kernel::{Digest, Threads};
+use crate::kernel::Digest;
 use crate::lineage::Leader;
 use crate::memory::{CurationContext, curate, reflect};
 use crate::objects::{
-    Attempt, AttemptId, Card,
+    Attempt, AttemptId, Card, Score,
     event::{FrontPoint, Settled},
 };
 use crate::world;
@@ -26,14 +28,24 @@ pub enum Refit {
     Later,
 }
 
+/// Near misses of an attempt's parent and of its child on its window, where questions speak of them.
+fn near(study: &Study, attempt: &Attempt, parent: &Score, tools: &Tools<'_>) -> Result<Option<[usize; 2]>, RunError> {
+    let Some(score) = attempt.exit.score().filter(|_| !study.questions.is_plain()) else { return Ok(None) };
+    let count = |score: &Score| -> Result<usize, RunError> {
+        Ok(near_misses(score, tools.rollouts)?.into_values().filter(|near| *near).count())
+    };
+    Ok(Some([count(parent)?, count(score)?]))
+}
+
 /// Makes what was judged the state.
 pub fn settle(
     study: &Study,
     state: &mut State,
     snapshot: &Snapshot<'_>,
     judged: Judged,
-    (refit, threads): (Refit, &Threads),
+    (refit, tools): (Refit, &Tools<'_>),
 ) -> Result<Settled, RunError> {
+    let threads = tools.threads;
     let (lineage, epoch) = (&snapshot.spec.id, snapshot.event.epoch);
     let spent = rival::spent_after(snapshot, &judged.attempts);
     for attempt in &judged.attempts {
@@ -46,8 +58,14 @@ pub fn settle(
         }
     }
     let parent = |attempt: &Attempt| &snapshot.parent_of(attempt.slot).score;
-    let changes = judged.attempts.iter().filter_map(|a| Some((a.id.clone(), change(study, a, parent(a))?)));
-    let changes: BTreeMap<AttemptId, Change> = changes.collect();
+    let mut changes: BTreeMap<AttemptId, Change> = BTreeMap::new();
+    for attempt in &judged.attempts {
+        let near = near(study, attempt, parent(attempt), tools)?;
+        changes.extend(
+            change((study, &snapshot.conflicts), attempt, parent(attempt), near)
+                .map(|change| (attempt.id.clone(), change)),
+        );
+    }
     let cards = cards(study, snapshot, &judged, &changes)?;
     state.memory.append(cards.clone())?;
     let labels_before = state.calibration.labels().len();

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use crate::agents::{Cluster, FrontPoint, ParentOutcome};
 use crate::archive::Archive;
 use crate::ego::Policy;
+use crate::epoch::labelling::standings::Standings;
 use crate::epoch::setting::study::{SceneEntry, Study};
 use crate::kernel::num;
 use crate::objects::entry::diagnostics_mean;
@@ -36,10 +37,6 @@ fn cluster(name: &str, entries: &[&SceneEntry], score: &Score) -> Cluster {
         .filter_map(|e| score.scenes.iter().find(|s| s.scene == e.scene().id))
         .map(|s| s.attack)
         .collect();
-    let mean_of = |feature: &&str| {
-        let values: Vec<f64> = entries.iter().filter_map(|e| e.features().value(feature)).collect();
-        num::mean(&values).map(|mean| ((*feature).to_string(), num::rounded(mean, 2)))
-    };
     let describes = match name {
         "junction" => "the ego's route crosses or merges with other lanes",
         "highway" => "fast road without crossing traffic",
@@ -51,8 +48,18 @@ fn cluster(name: &str, entries: &[&SceneEntry], score: &Score) -> Cluster {
         scenes: entries.len(),
         describes: describes.into(),
         attacked_share: num::mean(&labels).map(|share| num::rounded(share, 4)),
-        features: CLUSTER_FEATURES.iter().filter_map(mean_of).collect(),
+        features: means_of(&CLUSTER_FEATURES, entries),
+        outcomes: BTreeMap::new(),
     }
+}
+
+/// Means of features over scenes.
+pub fn means_of(features: &[&str], entries: &[&SceneEntry]) -> BTreeMap<String, f64> {
+    let mean_of = |feature: &&str| {
+        let values: Vec<f64> = entries.iter().filter_map(|e| e.features().value(feature)).collect();
+        num::mean(&values).map(|mean| ((*feature).to_string(), num::rounded(mean, 2)))
+    };
+    features.iter().filter_map(mean_of).collect()
 }
 
 /// The parent's labels on the window in sums.
@@ -63,6 +70,7 @@ pub fn parent_outcome(parent: &Score) -> ParentOutcome {
         failures: parent.failures.len(),
         coverage: num::rounded(parent.coverage, 4),
         diagnostics: diagnostics_mean(parent).into_iter().map(|(k, v)| (k, num::rounded(v, 4))).collect(),
+        near_misses: None,
     }
 }
 
@@ -79,13 +87,14 @@ pub fn ego_sentence(ego: &Policy) -> &'static str {
     }
 }
 
-/// The lineage's front as the prompts of a parent show it.
-pub fn front(archive: &Archive, parent: &SolutionId) -> Vec<FrontPoint> {
+/// The lineage's front as the prompts of a parent show it; `standing` is given where they show it on the window, too.
+pub fn front(archive: &Archive, parent: &SolutionId, standing: Option<&Standings>) -> Vec<FrontPoint> {
     let point = |entry: &Entry| FrontPoint {
         solution: entry.solution.clone(),
         objectives: entry.objectives,
         attempt: entry.attempt.clone(),
         is_parent: entry.solution == *parent,
+        on_window: standing.and_then(|of| of.get(&entry.solution)).map(|labels| labels.window.objectives),
     };
     archive.front().map(point).collect()
 }

@@ -1,7 +1,9 @@
 //! The handbook of a lineage's family, and the numbers behind its formulas, from the study's options.
 
-use crate::agents::{Acceptance, AgentError, Diagnostic, Handbook, HandbookParts, Measures, Omitted, Protocol};
+use super::searching::{around_search_in_words, ego_in_words, learned_in_words, search_in_words};
+use crate::agents::{Acceptance, AgentError, Detail, Diagnostic, Handbook, HandbookParts, Measures, Omitted, Protocol};
 use crate::candidates::PROTECTED;
+use crate::ego::Policy;
 use crate::epoch::RunError;
 use crate::epoch::setting::study::{LineageSpec, Study};
 use crate::evaluation::{EvaluationOptions, Limits, MetadriveOptions, SafebenchOptions};
@@ -21,6 +23,14 @@ pub fn handbook(study: &Study, spec: &LineageSpec) -> Result<Handbook, RunError>
             rules: study.without.conditions,
             modules: study.without.mechanisms,
         },
+        detail: (!study.questions.is_plain()).then(|| Detail {
+            search: search_in_words(source.contract.family.as_str()).unwrap_or_default(),
+            around: around_search_in_words(source.contract.backend == "safebench"),
+            ego: match &spec.ego {
+                Policy::Learned(weights) => learned_in_words(weights.setting.name()),
+                ego => ego_in_words(ego.name()),
+            },
+        }),
     };
     Ok(Handbook::of(&parts).map_err(AgentError::from)?)
 }

@@ -17,8 +17,14 @@ const RECENT_ATTEMPTS: usize = 3;
 const PROBLEMS: usize = 2;
 const PROBLEM_CHARS: usize = 160;
 
-/// What a simulated attempt did; `None` where there are no labels. `parent` is its parent's score on its window.
-pub fn change(study: &Study, attempt: &Attempt, parent: &Score) -> Option<Change> {
+/// What a simulated attempt did; `None` where there are no labels. `parent` is its parent's score on its window. Clusters are those of
+/// `conflicts`, where there are any.
+pub fn change(
+    (study, conflicts): (&Study, &BTreeMap<String, &'static str>),
+    attempt: &Attempt,
+    parent: &Score,
+    near: Option<[usize; 2]>,
+) -> Option<Change> {
     let (score, decision) = (attempt.exit.score()?, attempt.exit.decision()?);
     let (gates, pairs) = (&decision.gates, paired(score, parent));
     let named = |holds: &dyn Fn(&SceneScore, &SceneScore) -> bool| {
@@ -32,9 +38,10 @@ pub fn change(study: &Study, attempt: &Attempt, parent: &Score) -> Option<Change
         realism: (trade.realism_change, trade.realism_uncertainty),
         coverage: gates.coverage.coverage - gates.coverage.parent,
         diagnostics: diagnostics(&pairs),
-        clusters: clusters(study, &pairs),
+        clusters: clusters(study, conflicts, &pairs),
         won: named(&|child, parent| child.attack > parent.attack),
         lost: named(&|child, parent| child.attack < parent.attack),
+        near,
     })
 }
 
@@ -62,11 +69,16 @@ fn diagnostics(pairs: &[(&SceneScore, &SceneScore)]) -> BTreeMap<String, f64> {
 }
 
 /// Mean change of attack in each cluster.
-fn clusters(study: &Study, pairs: &[(&SceneScore, &SceneScore)]) -> BTreeMap<String, f64> {
+fn clusters(
+    study: &Study,
+    conflicts: &BTreeMap<String, &'static str>,
+    pairs: &[(&SceneScore, &SceneScore)],
+) -> BTreeMap<String, f64> {
     let mut all: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for (child, parent) in pairs {
         if let Some(entry) = study.scene(&child.scene) {
-            let name = cluster_of(entry.features()).to_string();
+            let conflict = conflicts.get(&child.scene).copied();
+            let name = conflict.unwrap_or_else(|| cluster_of(entry.features())).to_string();
             all.entry(name).or_default().push(child.attack - parent.attack);
         }
     }
@@ -84,6 +96,61 @@ pub fn shown(state: &State, lineage: &LineageId, archive: &Archive, memory: &[Ca
     edits.map(|attempt| edit(attempt, on_front.contains(&attempt.id), state.changes.get(&attempt.id))).collect()
 }
 
+/// What became of the attempts of a lineage that its history does not show, in a sentence; empty where it shows all.
+pub fn not_shown(state: &State, lineage: &LineageId, shown: &[PastEdit]) -> String {
+    let seen: BTreeSet<&AttemptId> = shown.iter().map(|edit| &edit.attempt).collect();
+    let left_out = state.attempts.iter().filter(|attempt| attempt.lineage == *lineage && !seen.contains(&attempt.id));
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for attempt in left_out {
+        let became = match &attempt.exit {
+            Exit::Invalid { gates } => {
+                let by: Vec<String> =
+                    gates.failed().map(|verdict| format!("{:?}", verdict.gate).to_lowercase()).collect();
+                format!("refused by {}", by.join(" and "))
+            }
+            _ => ended(attempt, false).to_string(),
+        };
+        *counts.entry(became).or_default() += 1;
+    }
+    let total: usize = counts.values().sum();
+    let all = counts.into_iter().map(|(became, count)| format!("{count} {became}")).collect::<Vec<_>>().join(", ");
+    if total == 0 { String::new() } else { format!("Not shown are {total} earlier attempts: {all}.") }
+}
+
+/// What the acceptance compared, where it turned a child down; its comparison with the parent is the change.
+pub fn with_verdicts(state: &State, shown: &mut [PastEdit]) {
+    for edit in shown {
+        let attempt = state.attempts.iter().find(|attempt| attempt.id == edit.attempt);
+        let Some(decision) = attempt.and_then(|attempt| attempt.exit.decision()) else { continue };
+        let gates = &decision.gates;
+        if gates.any() || gates.method.is_some() {
+            continue;
+        }
+        let with = |value: f64, error: Option<f64>| match error {
+            Some(error) => format!("{value:+.3} ± {error:.3}"),
+            None => format!("{value:+.3}"),
+        };
+        let (area, push) = (&gates.densification, &gates.local_push);
+        let mut says = vec![match area.non_dominated {
+            true => format!("area {}", with(area.hypervolume_gain, area.uncertainty)),
+            false => "dominated".into(),
+        }];
+        for (title, best, difference) in [
+            ("push_A", push.best_attack_at_r0, &push.attack_push),
+            ("push_R", push.best_realism_at_a0, &push.realism_push),
+        ] {
+            if let (Some(best), Some(difference)) = (best, difference) {
+                says.push(format!("{title} {} on {best:.3}", with(difference.value, difference.uncertainty)));
+            }
+        }
+        let coverage = &gates.coverage;
+        if !coverage.holds {
+            says.push(format!("acts in {:.2} of the scenes, needs {:.2}", coverage.coverage, coverage.floor));
+        }
+        edit.verdict = Some(says.join("; "));
+    }
+}
+
 fn edit(attempt: &Attempt, on_front: bool, change: Option<&Change>) -> PastEdit {
     let patch = attempt.proposal.patch();
     let problems = match &attempt.exit {
@@ -99,6 +166,7 @@ fn edit(attempt: &Attempt, on_front: bool, change: Option<&Change>) -> PastEdit 
         hypothesis: patch.map(|patch| patch.hypothesis.clone()).unwrap_or_default(),
         problems: problems.into_iter().take(PROBLEMS).map(|p| p.chars().take(PROBLEM_CHARS).collect()).collect(),
         change: change.cloned(),
+        verdict: None,
     }
 }
 

@@ -1,6 +1,7 @@
 //! What a slot is asked for: attack, realism and the front take turns, in words that fit the parent, each time with another
 //! place to look at first.
 
+use super::aims::{Needs, Seen};
 use crate::agents::{ParentOutcome, Target, TargetKind};
 use crate::objects::Objectives;
 
@@ -9,6 +10,8 @@ use crate::objects::Objectives;
 pub struct Aims<'a> {
     /// The parent's labels on the window.
     pub parent: &'a ParentOutcome,
+    /// What the window showed of it, where questions are detailed: then the instruction follows that.
+    pub seen: Option<&'a Seen>,
     /// Whether the parent is the child of an accepted patch.
     pub inherits: bool,
     /// The front, as measured on all scenes so far.
@@ -63,18 +66,19 @@ const PORTFOLIO: [(Needs, &str); 6] = [
     ),
 ];
 
-/// What there must be, so that an instruction can be followed.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Needs {
-    Nothing,
-    /// A front of more than the parent.
-    OtherMembers,
-    /// A parent that is a child itself.
-    InheritedEdits,
-}
-
 /// The target of a slot. `epoch` turns the list of instructions, so that an idea comes back only when all were asked for.
 pub fn target(aims: &Aims<'_>, epoch: u32, slot: u32, slots: u32) -> Target {
+    let target = whatever_was_seen(aims, epoch, slot, slots);
+    let Some(seen) = aims.seen else { return target };
+    let turn = (epoch * slots.div_ceil(3) + slot / 3) as usize;
+    let own = seen.instructions(target.kind, |needs| aims.meet(needs));
+    // The second slot for attack of a parent that is perfectly realistic looks elsewhere than the first.
+    let ahead = if slot % 3 == 1 && target.kind == TargetKind::RaiseAttack { own.len() / 2 } else { 0 };
+    let instruction = own.get((turn + ahead) % own.len().max(1)).cloned();
+    Target { instruction: instruction.unwrap_or(target.instruction), ..target }
+}
+
+fn whatever_was_seen(aims: &Aims<'_>, epoch: u32, slot: u32, slots: u32) -> Target {
     let turn = (epoch * slots.div_ceil(3) + slot / 3) as usize;
     let chosen = |of: &[&str]| of[turn % of.len()].to_string();
     let Objectives { attack, realism } = aims.parent.objectives;
@@ -156,12 +160,19 @@ mod tests {
     fn parent(attack: f64, realism: f64) -> ParentOutcome {
         let diagnostics = BTreeMap::from([("bounded_jerk".into(), 0.61), ("map_validity".into(), 0.99)]);
         let objectives = Objectives { attack, realism };
-        ParentOutcome { objectives, scenes: 20, failures: 0, coverage: 1.0, diagnostics }
+        ParentOutcome { objectives, scenes: 20, failures: 0, coverage: 1.0, diagnostics, near_misses: None }
     }
 
     fn of(parent: &ParentOutcome, front: &[Objectives], epoch: u32, slot: u32) -> Target {
-        let aims =
-            Aims { parent, inherits: front.len() > 1, front, realism_min: 0.95, epsilon_r: 0.01, epsilon_a: 0.02 };
+        let aims = Aims {
+            parent,
+            seen: None,
+            inherits: front.len() > 1,
+            front,
+            realism_min: 0.95,
+            epsilon_r: 0.01,
+            epsilon_a: 0.02,
+        };
         target(&aims, epoch, slot, 6)
     }
 

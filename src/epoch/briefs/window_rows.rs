@@ -15,6 +15,11 @@ const CLOSE_M: f64 = 10.0;
 /// The ego braked if it slowed down harder than this, m/s².
 const BRAKED_MPS2: f64 = 2.5;
 
+/// An adversary that comes nearer than this nearly met the ego, metres.
+const NEAR_MISS_M: f64 = 1.0;
+/// The same of the time to collision, s.
+const NEAR_MISS_S: f64 = 1.0;
+
 /// One row a labelled scene. `telling` are the tags that say something about a scene of the window.
 pub fn rows(study: &Study, score: &Score, telling: &[String], tools: &Tools<'_>) -> Result<Vec<SceneRow>, RunError> {
     let mut rows = Vec::with_capacity(score.scenes.len());
@@ -48,7 +53,17 @@ fn row(
         note: note(&decision),
         diagnostics: if scene.acted { scene.diagnostics.clone() } else { Default::default() },
         metrics: scene.metrics.clone(),
+        encounter: None,
     })
+}
+
+/// Whether an attack nearly came about: an adversary that acts came very near, or was about to.
+pub fn near_miss(scene: &SceneScore, record: &RolloutRecord) -> bool {
+    let within = |value: Option<f64>, least: f64| value.is_some_and(|value| value < least);
+    let outcome = &record.outcome;
+    scene.acted
+        && scene.attack == 0.0
+        && (within(outcome.distance_m_min, NEAR_MISS_M) || within(outcome.ttc_s_min, NEAR_MISS_S))
 }
 
 /// An adversary by its id in the scene, or as an inserted one.

@@ -299,7 +299,7 @@ impl Labelling<'_> {
 
     /// What a program comes to in a scene, or why it cannot be lowered. A program that decides there as one before it is not
     /// compiled again: a child is tried and labelled in the same scenes, and an edit changes few scenes where a rule guards it.
-    fn compiled(
+    pub fn compiled(
         &self,
         prepared: &Prepared<'_>,
         place: usize,

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::options::{CompositionOptions, CounselOptions, Without};
 use crate::adapters::{Contract, Registry};
+use crate::agents::Questions;
 use crate::archive::search::{Method, SearchOptions};
 use crate::archive::{ArchiveOptions, SelectorOptions};
 use crate::backend::{BackendOptions, PlanAround, Under};
@@ -60,6 +61,8 @@ pub struct Study {
     pub without: Without,
     /// Whether no patch brings in a sort of road user that its parent does not insert.
     pub fixed_bodies: bool,
+    /// Which form questions have.
+    pub questions: Questions,
     pub selector: SelectorOptions,
     pub memory: MemoryOptions,
     pub curation: CurationOptions,

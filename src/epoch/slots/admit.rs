@@ -3,6 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use super::draft::{Draft, Reached, Verdict};
+use super::nothing;
 use super::probes::probes;
 use crate::candidates::{self, Trials};
 use crate::epoch::RunError;
@@ -12,7 +13,7 @@ use crate::epoch::labelling::labels::Labelling;
 use crate::epoch::setting::desk::Tools;
 use crate::epoch::setting::study::Study;
 use crate::kernel::Digest;
-use crate::objects::{AttemptId, Program, ProgramPatch, SolutionId};
+use crate::objects::{AttemptId, Gate, GateVerdict, Program, ProgramPatch, SolutionId};
 
 /// Judges a proposed patch, if its proposer did not learn the verdict already.
 pub fn admit(study: &Study, snapshot: &Snapshot<'_>, draft: Draft, tools: &Tools<'_>) -> Result<Draft, RunError> {
@@ -36,6 +37,15 @@ fn judged(patch: Box<ProgramPatch>, Verdict { admission, trials, in_effect }: Ve
     }
 }
 
+/// What trying a child on the probe scenes brought.
+#[derive(Default)]
+struct Tried {
+    trials: Trials,
+    in_effect: Vec<InScene>,
+    /// Why the edit did nothing, where it did nothing and questions are detailed.
+    why: Vec<String>,
+}
+
 /// Judges a patch for the parent of a slot. The agents are told the verdict before their critics speak; a draft carries it on, so
 /// that nothing is judged twice.
 pub fn admission(
@@ -49,7 +59,7 @@ pub fn admission(
     let child = SolutionId::new(AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, slot).0);
     let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
     // The gates know no error of the store: it waits here until they are done.
-    let outcome: Mutex<Result<(Trials, Vec<InScene>), RunError>> = Mutex::new(Ok(Default::default()));
+    let outcome: Mutex<Result<Tried, RunError>> = Mutex::new(Ok(Tried::default()));
     let parent = snapshot.parent_of(slot);
     let tried = |program: &Program, hash: Digest| {
         let own = in_effect(study, snapshot.spec, program, &snapshot.window)?;
@@ -60,15 +70,24 @@ pub fn admission(
             (&parent.program, &parent.in_effect),
         );
         let trials = labelling.trials(&probes, (program, hash), (&parent.program, parent.hash))?;
-        Ok((trials, own.unwrap_or_default()))
+        let nothing = trials.problems.is_empty() && trials.compared > 0 && trials.differing == 0;
+        let why = match nothing && !study.questions.is_plain() {
+            true => nothing::why(&labelling, (&parent.program, program), patch, &probes)?,
+            false => Vec::new(),
+        };
+        Ok(Tried { trials, in_effect: own.unwrap_or_default(), why })
     };
     let compiles = |program: &Program, hash: Digest| {
         let trial = tried(program, hash);
-        let trials = trial.as_ref().map(|(trials, _)| trials.clone()).unwrap_or_default();
+        let trials = trial.as_ref().map(|tried| tried.trials.clone()).unwrap_or_default();
         *outcome.lock().unwrap_or_else(PoisonError::into_inner) = trial;
         trials
     };
-    let admission = candidates::admit(&parent.program, patch, child, &study.judging(contract), &compiles);
-    let (trials, in_effect) = outcome.into_inner().unwrap_or_else(PoisonError::into_inner)?;
+    let mut admission = candidates::admit(&parent.program, patch, child, &study.judging(contract), &compiles);
+    let Tried { trials, in_effect, why } = outcome.into_inner().unwrap_or_else(PoisonError::into_inner)?;
+    let refused = |verdict: &&mut GateVerdict| verdict.gate == Gate::Effect && !verdict.problems.is_empty();
+    if let Some(verdict) = admission.gates.verdicts.iter_mut().find(refused) {
+        verdict.problems.extend(why);
+    }
     Ok(Verdict { admission, trials, in_effect })
 }

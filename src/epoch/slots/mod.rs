@@ -3,6 +3,7 @@
 pub(super) mod admit;
 pub(super) mod draft;
 pub(super) mod evaluate;
+mod nothing;
 pub(super) mod pilot;
 pub(super) mod probes;
 pub(super) mod propose;

@@ -19,6 +19,7 @@ pub fn propose(study: &Study, snapshot: &Snapshot<'_>, slot: u32, tools: &Tools<
     let front: Vec<Objectives> = snapshot.archive.front().map(|entry| entry.objectives).collect();
     let aims = Aims {
         parent: &parent.outcome,
+        seen: parent.seen.as_ref(),
         inherits: parent.program.generation > 0,
         front: &front,
         realism_min: study.selector.realism_min,

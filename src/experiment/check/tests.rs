@@ -21,6 +21,7 @@ fn whole() -> Vec<Table> {
         "preventable",
         "readings/published-idm",
         "readings/null-random-idm",
+        "llm/preventable/cat",
     ];
     let path = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("experiments/{name}.toml"));
     let mut all: Vec<Table> =

@@ -136,6 +136,18 @@ fn sizes_and_names_are_of_the_tree() {
 }
 
 #[test]
+fn a_chain_is_one_level_however_long_and_what_it_holds_still_nests() {
+    let depth = |text: &str| Expr::parse(text).unwrap().depth_of_chains();
+    assert_eq!(depth("a"), 1);
+    assert_eq!(depth("a + b - c + d + e"), 2);
+    assert_eq!(depth("p and q and r and s"), 2);
+    assert_eq!(depth("a + b * c * d - e"), 3);
+    assert_eq!(Expr::parse("a + b - c + d + e").unwrap().depth(), 5);
+    assert_eq!(depth("a + (b - (c + d))"), 4, "brackets on the right nest");
+    assert_eq!(depth("a - b < c and d < e and f < g"), 4);
+}
+
+#[test]
 fn in_serde_an_expression_is_its_text() {
     let expr: Expr = serde_json::from_str("\"gap_m*2\"").unwrap();
     assert_eq!(serde_json::to_string(&expr).unwrap(), "\"gap_m * 2\"");

@@ -189,7 +189,12 @@ impl Expr {
 
     /// Nodes on the longest way from the root to a leaf.
     pub fn depth(&self) -> usize {
-        self.root.depth()
+        self.root.depth(false)
+    }
+
+    /// The same where a chain such as `a + b - c` or `p and q and r` is one level: it reads as one list, however the tree holds it.
+    pub fn depth_of_chains(&self) -> usize {
+        self.root.depth(true)
     }
 }
 
@@ -211,8 +216,15 @@ impl Node {
         }
     }
 
-    fn depth(&self) -> usize {
-        1 + self.children().into_iter().map(Node::depth).max().unwrap_or(0)
+    fn depth(&self, chains: bool) -> usize {
+        if let Kind::Infix(infix, left, right) = &self.kind
+            && chains
+            && infix.binding() != binding::COMPARE
+            && left.binding() == infix.binding()
+        {
+            return left.depth(chains).max(1 + right.depth(chains));
+        }
+        1 + self.children().into_iter().map(|child| child.depth(chains)).max().unwrap_or(0)
     }
 
     fn binding(&self) -> u8 {

@@ -31,6 +31,47 @@ pub fn assess(
     assess_relived(&mut Driven { state, driver }, outcome.contact.as_mut())
 }
 
+/// How long before a contact the lateness of an evasion is looked for, s.
+const LATENESS_MAX_S: f64 = 4.0;
+
+/// By how much the ego was too late to avoid its contact with an adversary: from the last moment at which an evasion begun there would
+/// have helped to the one at which it could begin, s. Negative where it had time left; `None` where no evasion of the last
+/// four seconds helps, and for other contacts. `outcome` must be the assessed rollout of the same plant, intervention and driver.
+///
+/// # Errors
+/// What the rollout itself would refuse.
+pub fn lateness_s(
+    plant: &Plant,
+    intervention: &Intervention,
+    driver: &mut dyn Driver,
+    outcome: &Outcome,
+) -> Result<Option<f64>, SimError> {
+    let Some(contact) = outcome.contact.filter(|contact| contact.adversary) else { return Ok(None) };
+    driver.begin(plant);
+    let state = ClosedLoop::without_driver(plant.into(), intervention.into(), driver.follows_log())?;
+    let mut rollout = Driven { state, driver };
+    let options = &{ rollout.state().plant.options().avoidance };
+    let mut states: Vec<(usize, ClosedLoop<'_>)> = Vec::new();
+    for k in 0..plant.steps() {
+        rollout.wake(k);
+        if contact.time_s - k as f64 * DT_S <= LATENESS_MAX_S {
+            states.push((k, rollout.fork(k)));
+        }
+        if !rollout.advance(k)? {
+            break;
+        }
+    }
+    let Some(last) = states.last().map(|(k, _)| *k) else { return Ok(None) };
+    let until = last + in_steps(options.horizon_s);
+    let clear = |(k, state): &&(usize, ClosedLoop<'_>)| {
+        Manoeuvre::ALL.into_iter().any(|manoeuvre| stays_clear(state, *k, until, manoeuvre, options))
+    };
+    let in_time = states.iter().rev().find(clear).map(|(k, _)| *k as f64 * DT_S);
+    // Who never sees it coming cannot begin before the contact.
+    let could_s = contact.visible_s.map_or(contact.time_s, |seen| contact.time_s - seen + options.reaction_s);
+    Ok(in_time.map(|in_time| could_s.min(contact.time_s) - in_time))
+}
+
 /// [`assess`] of the contact alone.
 pub(in crate::sim) fn assess_contact(
     plant: &Plant,

@@ -11,7 +11,7 @@ mod sight;
 mod threat;
 pub(super) mod touch;
 
-pub use avoidance::assess;
+pub use avoidance::{assess, lateness_s};
 pub use class::ContactClass;
 pub use contact::meeting;
 pub use touch::{Side, Striker};

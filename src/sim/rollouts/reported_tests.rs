@@ -165,3 +165,25 @@ fn a_motion_that_is_none_of_the_scene_is_refused_with_its_place() {
         assert!(said.contains(expected), "{said:?} instead of {expected:?}");
     }
 }
+
+#[test]
+fn who_could_have_avoided_a_contact_was_not_too_late_and_who_could_not_was() {
+    let mut counted = [0, 0];
+    for seed in 0..250 {
+        let scene = scene(seed);
+        let (plant, act, policy) = (plant(&scene, seed), drawn(&scene, seed), policy(seed));
+        let (mut own, _) = rollout_traced(&plant, &act, policy.driver().as_mut()).unwrap();
+        assess(&plant, &act, policy.driver().as_mut(), &mut own).unwrap();
+        let late_s = lateness_s(&plant, &act, policy.driver().as_mut(), &own).unwrap();
+        let Some(avoidable) = own.contact.filter(|contact| contact.adversary).and_then(|contact| contact.avoidable)
+        else {
+            assert_eq!(late_s, None, "seed {seed}");
+            continue;
+        };
+        // Where the last four seconds hold no way out, it is not said by how much it was too late.
+        let Some(late_s) = late_s else { continue };
+        assert_eq!(late_s < 0.05, avoidable, "seed {seed}: {late_s} s late, {:?}", own.contact);
+        counted[usize::from(avoidable)] += 1;
+    }
+    assert!(counted.iter().all(|count| *count > 3), "{counted:?}");
+}

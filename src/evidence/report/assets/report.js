@@ -84,11 +84,14 @@
     byId("credit").hidden = !lineages.length;
     if (!lineages.length) return;
     const cells = (gain) => [gain, gain && gain.realism].map((of, i) => of ? estimate(i ? of : of.attack, true) : "–");
-    const line = (l) => [[l.id, "all", `${l.credit.program} against ${l.credit.parent}`, ...cells(l.credit.whole), "–", "–"],
-      ...l.credit.edits.map((e) => [l.id, e.name, e.what.join("; "), ...cells(e.needed), ...cells(e.alone)])];
-    const groups = [["", 3], ["Lost without it", 2], ["Alone on the parent", 2]];
-    const file = ["lineage", "patch", "what it does", ...["lost without it", "alone"].flatMap((of) => [`${of}: attack`, `${of}: realism`])];
-    byId("credit-table").append(sortable(["Lineage", "Patch", "What it does", "attack", "realism", "attack", "realism"], lineages.flatMap(line), "credit", { groups, file, rowsAPage: 24 }));
+    // What a patch was to do, in its proposer's words; the operations stand in the list of attempts.
+    const said = (name) => (data.attempts.find((a) => a.id === name) || {}).hypothesis;
+    const short = (text) => text.length > 240 ? `${text.slice(0, 240)}…` : text;
+    const line = (l) => [[l.id, "all", ...cells(l.credit.whole), "–", "–", `${l.credit.program} against ${l.credit.parent}`],
+      ...l.credit.edits.map((e) => [l.id, e.name, ...cells(e.needed), ...cells(e.alone), short(said(e.name) || e.what.join("; "))])];
+    const groups = [["", 2], ["Lost without it", 2], ["Alone on the parent", 2], ["", 1]];
+    const file = ["lineage", "patch", ...["lost without it", "alone"].flatMap((of) => [`${of}: attack`, `${of}: realism`]), "what it was to do"];
+    byId("credit-table").append(sortable(["Lineage", "Patch", "attack", "realism", "attack", "realism", "What it was to do"], lineages.flatMap(line), "credit", { groups, file, rowsAPage: 24 }));
     byId("credit-list").append(...lineages.flatMap((l) => l.credit.edits.map((e) => el("li", {}, e.says))));
   }
 

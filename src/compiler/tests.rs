@@ -8,7 +8,9 @@ use crate::adapters::Domain;
 use crate::ego;
 use crate::families::{grammar, sources};
 use crate::kernel::Vec2;
-use crate::objects::{Counsel, FamilyName, MechanismModule, ParameterValue, PolicyRule, Setting, Slot, ValueType};
+use crate::objects::{
+    Counsel, FamilyName, MechanismModule, MechanismRef, ParameterValue, PolicyRule, Setting, Slot, ValueType,
+};
 use crate::scene::fixture::two_lane_scene;
 use crate::sim::{self, Action};
 use proptest::prelude::*;
@@ -156,6 +158,26 @@ fn a_filter_that_refuses_everything_hands_back_its_least_violating_candidate_and
     let [below, above] = [widest_m - 1e-6, widest_m + 1e-6].map(|gap_m| filtered(gap_m).decision.filters[1].clone());
     assert!(below.violation.is_none() && below.after >= 1, "{below:?}");
     assert!(above.violation.is_some_and(|by| by < 1e-5), "{above:?}");
+}
+
+#[test]
+fn what_modules_come_to_is_taken_down_where_somebody_watches_and_no_bit_moves() {
+    let family = family("cat");
+    let mut program = family.parent.clone();
+    let flat = module("candidate_score", ValueType::Number, &["gap_m"], "if(gap_m > -1, 2.5, 0)");
+    let ranking = module("actor_score", ValueType::Number, &["gap_m"], "-gap_m");
+    program.mechanism_modules = BTreeMap::from([("flat".into(), flat), ("near".into(), ranking)]);
+    let search = program.operator_graph.get_mut("search").unwrap();
+    search.settings.insert("score".into(), Setting::Mechanism(MechanismRef { mechanism: "flat".into() }));
+    let situation = situation();
+    let plain = Prepared::new(&program, &family).unwrap();
+    let watching = Prepared::new(&program, &family).unwrap().watching();
+    let compiled = watching.compile(&situation, Seed(1)).unwrap();
+    assert_eq!(plain.compile(&situation, Seed(1)).unwrap(), compiled);
+    let values = watching.watched("flat");
+    assert!(values.len() >= compiled.decision.actors[0].candidates && values.iter().all(|value| *value == 2.5));
+    assert!(watching.watched("near").is_empty(), "no setting refers to it, so it is not asked");
+    assert!(plain.watched("flat").is_empty());
 }
 
 #[test]

@@ -8,11 +8,11 @@ use super::tests::{Patience, Ran, carried_out_asking, study, three_families};
 use crate::agents::Questions;
 use crate::epoch::labelling::play::Player;
 use crate::experiment::Experiment;
-use crate::kernel::{OrientedBox, Threads};
+use crate::kernel::{OrientedBox, Threads, Vec2, num};
 use crate::llm::Request;
 use crate::objects::Exit;
 use crate::objects::attempt::Gate;
-use crate::sim::ActorRef;
+use crate::sim::{ActorRef, Striker};
 
 fn detailed() -> Experiment {
     let mut experiment = three_families();
@@ -72,6 +72,32 @@ fn every_scene_is_told_as_it_came_about() {
             };
             let ego_mps: f64 = row["ego_mps"].parse().unwrap();
             assert!((trace.ego[k].speed_mps() - ego_mps).abs() < 0.051, "{row:?}");
+            let how = &row["how"];
+            let taken: Vec<String> =
+                played.decision.actors.iter().map(|of| format!("{} of {}", of.chosen + 1, of.candidates)).collect();
+            assert!(how.contains(&format!("took {}", taken.join(", "))), "{row:?}");
+            if let Some(contact) = outcome.contact {
+                let strikes = match contact.striker {
+                    Striker::Ego => "ego strikes",
+                    Striker::Other => "it strikes",
+                    Striker::Both => "both strike",
+                };
+                assert!(how.contains(strikes), "{row:?}: {contact:?}");
+                let seen = contact.visible_s.map(|seen_s| format!("; seen {seen_s:.1} s"));
+                assert!(seen.is_none_or(|seen| how.contains(&seen)), "{row:?}: {contact:?}");
+                assert!(contact.avoidable == Some(false) || !how.contains("too late"), "{row:?}: {contact:?}");
+                // On which side it is: the sine of the bearing has the sign of its place to the ego's left.
+                let other = trace.actors.iter().find(|of| of.actor == contact.with).unwrap();
+                let own = other.samples[k].as_ref().or(other.samples[k - 1].as_ref()).unwrap();
+                let away = own.position - trace.ego[k].position;
+                let left = away.dot(Vec2::from_heading(trace.ego[k].heading_rad).left()) / away.norm();
+                let bearing: f64 = row["bearing"].parse().unwrap();
+                assert!((num::sin(bearing.to_radians()) - left).abs() < 0.02, "{row:?}: {left}");
+            }
+            // It brakes where its speed falls by more than 0.15 m/s within one of its whole steps.
+            let whole = &trace.ego[..trace.ego.len() - 1];
+            let falls = whole.windows(2).map(|pair| pair[0].speed_mps() - pair[1].speed_mps());
+            assert_eq!(how.contains("ego brakes"), falls.fold(0.0, f64::max) > 0.15, "{row:?}");
             // Nobody that acts is nearer at any other step.
             let size = &study.scenes[place].scene().ego.track;
             let distance_m = |k: usize| {
@@ -88,6 +114,24 @@ fn every_scene_is_told_as_it_came_about() {
         }
     }
     assert!(contacts > 0 && misses > 0, "{contacts} contacts, {misses} misses");
+    // Near misses are those of the whole window, not of the scenes that are shown.
+    let mut near_misses = 0;
+    for frozen in ran.frozen.iter().filter(|of| of.epoch == 0) {
+        let spec = study.lineages.iter().find(|spec| spec.id == frozen.lineage).unwrap();
+        let parent = study.parent(spec).unwrap();
+        let near = frozen.parent_score.scenes.iter().filter(|scene| {
+            let place = study.scenes.iter().position(|entry| entry.scene().id == scene.scene).unwrap();
+            let outcome = player.trace(spec, &parent, place).unwrap().record.outcome;
+            let below = |value: Option<f64>| value.is_some_and(|value| value < 1.0);
+            let close = below(outcome.distance_m_min) || below(outcome.ttc_s_min);
+            scene.attack == 0.0 && outcome.acted() && close
+        });
+        let near = near.count();
+        let request = requests.iter().find(|of| of.slot.lineage == spec.id.as_str() && of.slot.epoch == 0).unwrap();
+        assert!(request.messages[1].text.contains(&format!("\"near_misses\":{near},")), "{near}");
+        near_misses += near;
+    }
+    assert!(near_misses > 0, "nothing nearly happened, so nothing was shown");
     assert!(ran.attempts.iter().any(|attempt| attempt.exit.score().is_some()));
 }
 

@@ -261,7 +261,7 @@ impl Freezing<'_> {
             row.cluster = self.conflicts.get(&row.scene).copied().unwrap_or("free").into();
         }
         let near = encounters::near_misses(score, labelling.tools.rollouts)?;
-        outcome.near_misses = Some(near.values().filter(|near| **near).count());
+        outcome.near_misses = Some(near.len());
         let clusters = conflicts::clusters(study, self.conflicts, score, &rows);
         let seen = Some(Seen::of(&rows, &clusters, &outcome, &study.source(spec)?.contract));
         let window = encounters::with_encounters(labelling, program, score, rows, &near)?;

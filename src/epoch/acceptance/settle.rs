@@ -8,7 +8,7 @@ use crate::agents::Change;
 use crate::epoch::RunError;
 use crate::epoch::briefs::encounters::near_misses;
 use crate::epoch::briefs::history::change;
-use crate::epoch::freeze::Snapshot;
+use crate::epoch::freeze::{Parent, Snapshot};
 use crate::epoch::setting::desk::Tools;
 use crate::epoch::setting::study::Study;
 use crate::epoch::state::{Settling, State};
@@ -16,7 +16,7 @@ use crate::kernel::Digest;
 use crate::lineage::Leader;
 use crate::memory::{CurationContext, curate, reflect};
 use crate::objects::{
-    Attempt, AttemptId, Card, Score,
+    Attempt, AttemptId, Card,
     event::{FrontPoint, Settled},
 };
 use crate::world;
@@ -29,12 +29,9 @@ pub enum Refit {
 }
 
 /// Near misses of an attempt's parent and of its child on its window, where questions speak of them.
-fn near(study: &Study, attempt: &Attempt, parent: &Score, tools: &Tools<'_>) -> Result<Option<[usize; 2]>, RunError> {
-    let Some(score) = attempt.exit.score().filter(|_| !study.questions.is_plain()) else { return Ok(None) };
-    let count = |score: &Score| -> Result<usize, RunError> {
-        Ok(near_misses(score, tools.rollouts)?.into_values().filter(|near| *near).count())
-    };
-    Ok(Some([count(parent)?, count(score)?]))
+fn near(attempt: &Attempt, parent: &Parent, tools: &Tools<'_>) -> Result<Option<[usize; 2]>, RunError> {
+    let (Some(before), Some(score)) = (parent.outcome.near_misses, attempt.exit.score()) else { return Ok(None) };
+    Ok(Some([before, near_misses(score, tools.rollouts)?.len()]))
 }
 
 /// Makes what was judged the state.
@@ -57,14 +54,12 @@ pub fn settle(
             state.lineages.promote(lineage, Leader::RealismAnchor, anchor, epoch)?;
         }
     }
-    let parent = |attempt: &Attempt| &snapshot.parent_of(attempt.slot).score;
     let mut changes: BTreeMap<AttemptId, Change> = BTreeMap::new();
     for attempt in &judged.attempts {
-        let near = near(study, attempt, parent(attempt), tools)?;
-        changes.extend(
-            change((study, &snapshot.conflicts), attempt, parent(attempt), near)
-                .map(|change| (attempt.id.clone(), change)),
-        );
+        let parent = snapshot.parent_of(attempt.slot);
+        let near = near(attempt, parent, tools)?;
+        let change = change((study, &snapshot.conflicts), attempt, &parent.score, near);
+        changes.extend(change.map(|change| (attempt.id.clone(), change)));
     }
     let cards = cards(study, snapshot, &judged, &changes)?;
     state.memory.append(cards.clone())?;

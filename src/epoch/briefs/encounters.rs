@@ -1,21 +1,21 @@
 //! What detailed questions say of scenes: those of the window that say most, each with what led to its outcome. The motion is
 //! simulated once more, by our own simulator alone; of another one's rollouts the record says what it can.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use super::window_rows::near_miss;
 use crate::agents::{Encounter, Moment, SceneRow};
 use crate::backend::Backend;
-use crate::compiler::{Compiled, Decision};
+use crate::compiler::Decision;
 use crate::epoch::RunError;
 use crate::epoch::labelling::labels::Labelling;
-use crate::epoch::labelling::made::Lazy;
+use crate::epoch::labelling::made::{Lazy, Made};
 use crate::evaluation::{RolloutCache, RolloutRecord};
 use crate::kernel::{OrientedBox, Pose, num};
 use crate::objects::{Program, SceneScore, Score};
 use crate::scene::{DT_S, Sample};
-use crate::sim::{Action, ActorRef, Striker, Trace, assess, lateness_s, rollout_traced};
-use crate::stage::Situation;
+use crate::sim::{Action, ActorRef, Striker, Trace, lateness_s, rollout_traced};
 
 /// Most scenes that a question shows.
 const SHOWN_MAX: usize = 12;
@@ -29,10 +29,10 @@ const BRAKES_MPS2: f64 = 1.5;
 const DEPARTED_M: f64 = 0.3;
 
 /// The scenes of a window that say most, in its order: of every outcome some, those of least realism, near misses first.
-pub fn telling(score: &Score, rows: &[SceneRow], near: &[bool]) -> Vec<usize> {
+fn telling(score: &Score, rows: &[SceneRow], near: &BTreeSet<String>) -> Vec<usize> {
     let realism: BTreeMap<&str, f64> = score.scenes.iter().map(|of| (of.scene.as_str(), of.realism)).collect();
     let mut order: Vec<usize> = (0..rows.len()).collect();
-    order.sort_by_key(|&at| !near[at]);
+    order.sort_by_key(|&at| !near.contains(&rows[at].scene));
     let mut by_realism: Vec<usize> = (0..rows.len()).filter(|&at| !rows[at].diagnostics.is_empty()).collect();
     by_realism.sort_by(|a, b| realism[rows[*a].scene.as_str()].total_cmp(&realism[rows[*b].scene.as_str()]));
     let mut chosen: Vec<usize> = by_realism.into_iter().take(LEAST_REALISTIC.min(SHOWN_MAX)).collect();
@@ -51,12 +51,12 @@ pub fn telling(score: &Score, rows: &[SceneRow], near: &[bool]) -> Vec<usize> {
     chosen
 }
 
-/// Whether each of the rows nearly came to an attack.
-pub fn near_misses(score: &Score, rollouts: &dyn RolloutCache) -> Result<BTreeMap<String, bool>, RunError> {
-    let mut near = BTreeMap::new();
+/// The scenes in which an attack nearly came about.
+pub fn near_misses(score: &Score, rollouts: &dyn RolloutCache) -> Result<BTreeSet<String>, RunError> {
+    let mut near = BTreeSet::new();
     for scene in &score.scenes {
-        if let Some((record, _)) = rollouts.recorded(&scene.request)? {
-            near.insert(scene.scene.clone(), near_miss(scene, &record));
+        if rollouts.recorded(&scene.request)?.is_some_and(|(record, _)| near_miss(scene, &record)) {
+            near.insert(scene.scene.clone());
         }
     }
     Ok(near)
@@ -76,7 +76,7 @@ fn encounter<'l>(
         return Ok(Encounter::default());
     }
     encounter.remarks.extend(struck(record));
-    let relived = relived(labelling, program, place)?;
+    let relived = relived(labelling, program, place, record)?;
     if let Some(relived) = &relived {
         encounter.moment = moment(record, relived);
         encounter.remarks.extend(relived.late_s.and_then(late));
@@ -89,15 +89,20 @@ fn encounter<'l>(
 
 /// A rollout with its motion.
 struct Relived {
-    compiled: Compiled,
+    made: Arc<Made>,
     trace: Trace,
     late_s: Option<f64>,
-    sizes: Vec<(f64, f64)>,
+    /// Length and width of the ego, metres.
     ego_size: (f64, f64),
 }
 
-/// The rollout once more; `None` where another simulator or a planner made it.
-fn relived<'l>(labelling: &'l Labelling<'l>, program: &'l Lazy<'l>, place: usize) -> Result<Option<Relived>, RunError> {
+/// The rollout of a record once more; `None` where another simulator or a planner made it.
+fn relived<'l>(
+    labelling: &'l Labelling<'l>,
+    program: &'l Lazy<'l>,
+    place: usize,
+    record: &RolloutRecord,
+) -> Result<Option<Relived>, RunError> {
     let Labelling { study, spec, counsels, tools } = *labelling;
     if !matches!(tools.backend, Backend::Own) {
         return Ok(None);
@@ -105,17 +110,15 @@ fn relived<'l>(labelling: &'l Labelling<'l>, program: &'l Lazy<'l>, place: usize
     let Ok(situation) = tools.situations.at(place, &spec.ego, &tools.backend) else { return Ok(None) };
     let Ok(prepared) = program.prepared(study.source(spec)?, &tools.searched) else { return Ok(None) };
     let made = labelling.compiled(prepared, place, &situation, counsels.at(study, spec, place)?)?;
-    Ok(made.ok().and_then(|made| relive(&situation, made.compiled.clone(), labelling)))
-}
-
-fn relive(situation: &Situation, compiled: Compiled, labelling: &Labelling<'_>) -> Option<Relived> {
-    let mut driver = labelling.spec.ego.driver();
-    let (mut outcome, trace) = rollout_traced(&situation.plant, &compiled.intervention, driver.as_mut()).ok()?;
-    assess(&situation.plant, &compiled.intervention, driver.as_mut(), &mut outcome).ok()?;
-    let late_s = lateness_s(&situation.plant, &compiled.intervention, driver.as_mut(), &outcome).ok()?;
-    let ego = &situation.scene.ego.track;
-    let sizes = trace.actors.iter().map(|actor| (actor.length_m, actor.width_m)).collect();
-    Some(Relived { compiled, late_s, sizes, ego_size: (ego.length_m, ego.width_m), trace })
+    let relive = |made: Arc<Made>| {
+        let (plant, intervention, mut driver) = (&situation.plant, &made.compiled.intervention, spec.ego.driver());
+        let (_, trace) = rollout_traced(plant, intervention, driver.as_mut()).ok()?;
+        // The record is of the same rollout, and its contact is assessed.
+        let late_s = lateness_s(plant, intervention, driver.as_mut(), &record.outcome).ok()?;
+        let ego = &situation.scene.ego.track;
+        Some(Relived { late_s, ego_size: (ego.length_m, ego.width_m), trace, made })
+    };
+    Ok(made.ok().and_then(relive))
 }
 
 /// The contact with an adversary, or the moment at which one that acts was nearest.
@@ -136,7 +139,8 @@ fn moment(record: &RolloutRecord, relived: &Relived) -> Option<Moment> {
             for actor in (0..trace.actors.len()).filter(|&of| acts(trace.actors[of].actor)) {
                 for (k, ego) in trace.ego.iter().enumerate() {
                     let Some(own) = at(actor, k) else { continue };
-                    let distance_m = body(own, relived.sizes[actor]).distance(&body(ego, relived.ego_size));
+                    let size = (trace.actors[actor].length_m, trace.actors[actor].width_m);
+                    let distance_m = body(own, size).distance(&body(ego, relived.ego_size));
                     if nearest.is_none_or(|(least_m, ..)| distance_m < least_m) {
                         nearest = Some((distance_m, actor, k));
                     }
@@ -199,7 +203,7 @@ fn law(relived: &Relived) -> Option<String> {
     let trace = &relived.trace;
     let mut lawful = false;
     let mut onset: Option<usize> = None;
-    for action in &relived.compiled.intervention.actions {
+    for action in &relived.made.compiled.intervention.actions {
         let Action::FollowThenObey { track, from_step, samples, .. } = action else { continue };
         lawful = true;
         let Some(actor) = trace.actors.iter().find(|of| of.actor == ActorRef::Track(*track)) else { continue };
@@ -223,10 +227,9 @@ pub fn with_encounters(
     program: &Program,
     score: &Score,
     rows: Vec<SceneRow>,
-    near: &BTreeMap<String, bool>,
+    near: &BTreeSet<String>,
 ) -> Result<Vec<SceneRow>, RunError> {
-    let flags: Vec<bool> = rows.iter().map(|row| near.get(&row.scene).copied().unwrap_or(false)).collect();
-    let chosen = telling(score, &rows, &flags);
+    let chosen = telling(score, &rows, near);
     let by_scene: BTreeMap<&str, &SceneScore> = score.scenes.iter().map(|of| (of.scene.as_str(), of)).collect();
     let program = Lazy::new(program);
     let study = labelling.study;

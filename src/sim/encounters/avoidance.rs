@@ -63,10 +63,8 @@ pub fn lateness_s(
     }
     let Some(last) = states.last().map(|(k, _)| *k) else { return Ok(None) };
     let until = last + in_steps(options.horizon_s);
-    let clear = |(k, state): &&(usize, ClosedLoop<'_>)| {
-        Manoeuvre::ALL.into_iter().any(|manoeuvre| stays_clear(state, *k, until, manoeuvre, options))
-    };
-    let in_time = states.iter().rev().find(clear).map(|(k, _)| *k as f64 * DT_S);
+    let in_time = states.iter().rev().find(|(k, state)| avoids(state, *k, until, options));
+    let in_time = in_time.map(|(k, _)| *k as f64 * DT_S);
     // Who never sees it coming cannot begin before the contact.
     let could_s = contact.visible_s.map_or(contact.time_s, |seen| contact.time_s - seen + options.reaction_s);
     Ok(in_time.map(|in_time| could_s.min(contact.time_s) - in_time))
@@ -140,10 +138,13 @@ pub(in crate::sim) fn assess_relived<'a>(
     let look_back = look_back(rollout, contact.with, options)?;
     contact.visible_s = look_back.visible.map(|k| contact.time_s - k as f64 * DT_S);
     let until = look_back.contact + in_steps(options.horizon_s);
-    contact.avoidable = Some(look_back.fork.is_some_and(|(k, state)| {
-        Manoeuvre::ALL.into_iter().any(|manoeuvre| stays_clear(&state, k, until, manoeuvre, options))
-    }));
+    contact.avoidable = Some(look_back.fork.is_some_and(|(k, state)| avoids(&state, k, until, options)));
     Ok(())
+}
+
+/// Whether some manoeuvre begun in a state at step `from` helps.
+fn avoids(fork: &ClosedLoop<'_>, from: usize, until: usize, options: &AvoidanceOptions) -> bool {
+    Manoeuvre::ALL.into_iter().any(|manoeuvre| stays_clear(fork, from, until, manoeuvre, options))
 }
 
 /// Whole decision steps that hold a time.

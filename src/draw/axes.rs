@@ -109,6 +109,36 @@ impl Axes {
         (self.x(x), self.y(y))
     }
 
+    /// Ticks and names of both sides in letters of a size, without a grid: for small panels over shaded fields.
+    pub fn draw_small(&self, figure: &mut Figure, letters: f64, (across, up): (&str, &str)) {
+        let [left, top, wide, high] = self.place;
+        let line = Ink::line(GREY, 0.6);
+        for tick in &self.up.ticks {
+            let y = self.y(*tick);
+            figure.line((left - 2.0, y), (left, y), line);
+            figure.text((left - 4.0, y + 0.35 * letters), letters, Anchor::End, tick_text(*tick, &self.up.ticks));
+        }
+        for tick in &self.across.ticks {
+            let x = self.x(*tick);
+            figure.line((x, top + high), (x, top + high + 2.0), line);
+            let at = (x, top + high + 2.5 + letters);
+            figure.text(at, letters, Anchor::Middle, tick_text(*tick, &self.across.ticks));
+        }
+        figure.path(vec![(left, top), (left, top + high), (left + wide, top + high)], line);
+        let at = (left + 0.5 * wide, top + high + 4.0 + 2.0 * letters);
+        figure.text(at, letters, Anchor::Middle, across);
+        let widest = self.up.ticks.iter().map(|tick| helvetica::width(&tick_text(*tick, &self.up.ticks), letters));
+        figure.words(Words {
+            at: (left - 7.0 - widest.fold(0.0, f64::max), top + 0.5 * high),
+            size: letters,
+            anchor: Anchor::Middle,
+            bold: false,
+            colour: BLACK,
+            upwards: true,
+            text: up.to_string(),
+        });
+    }
+
     /// Grid, ticks and names of both sides.
     pub fn draw(&self, figure: &mut Figure, across: &str, up: &str) {
         let [left, top, wide, high] = self.place;

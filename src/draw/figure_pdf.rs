@@ -4,24 +4,46 @@
 use pdf_writer::types::{FontFlags, LineCapStyle};
 use pdf_writer::{Content, Finish, Name, Pdf, Rect, Ref, Str, TextStr};
 
+use super::arimo::{self, BOLD, Font, REGULAR};
 use super::figure::{Anchor, Figure, Ink, Rgb, Shape, Words};
-use super::{
-    arimo::{self, BOLD, Font, REGULAR},
-    helvetica,
-};
 
 /// Control points of the cubic that is nearest to a quarter of a circle.
 const ROUND: f64 = 0.552_285;
-/// Bold letters are wider by about this much.
-const WIDER: f64 = 1.06;
+/// A letter that would be printed as another one.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the figure \"{figure}\" says \"{text}\", and its font has no letter {letter:?}; expected letters of Latin 1 and dashes: spell it otherwise"
+)]
+pub struct PdfError {
+    figure: String,
+    text: String,
+    letter: char,
+}
 
 /// The figure as a PDF document of one page.
-pub fn pdf(figure: &Figure) -> Vec<u8> {
+///
+/// # Errors
+/// A letter that the font lacks: a question mark in its place would be a wrong figure.
+pub fn pdf(figure: &Figure) -> Result<Vec<u8>, PdfError> {
+    if let Some((text, letter)) = unmapped(&figure.shapes) {
+        return Err(PdfError { figure: figure.title.clone(), text, letter });
+    }
     let mut drawn = Content::new();
     drawn.set_line_cap(LineCapStyle::RoundCap);
     draw(&mut drawn, &figure.shapes, figure.height);
     let weights = [false, true].map(|bold| has_words(&figure.shapes, bold));
-    document((figure.width, figure.height), &figure.title, &drawn.finish().into_vec(), weights)
+    Ok(document((figure.width, figure.height), &figure.title, &drawn.finish().into_vec(), weights))
+}
+
+/// The first line of text with a letter that the font lacks.
+fn unmapped(shapes: &[Shape]) -> Option<(String, char)> {
+    shapes.iter().find_map(|shape| match shape {
+        Shape::Text(words) => {
+            words.text.chars().find(|c| code(*c).is_none()).map(|letter| (words.text.clone(), letter))
+        }
+        Shape::Within(_, shapes) => unmapped(shapes),
+        _ => None,
+    })
 }
 
 /// Names of the plain and the bold font in the page's content.
@@ -34,6 +56,8 @@ fn document((width, height): (f64, f64), title: &str, drawn: &[u8], weights: [bo
     let places = [6, 9].map(|first| [first, first + 1, first + 2].map(Ref::new));
     let used: Vec<_> = [(&REGULAR, 0), (&BOLD, 1)].into_iter().filter(|(_, at)| weights[*at]).collect();
     let mut out = Pdf::new();
+    // What LaTeX writes: it warns of a newer one.
+    out.set_version(1, 5);
     out.catalog(catalog).pages(pages);
     out.pages(pages).kids([page]).count(1);
     let mut sheet = out.page(page);
@@ -151,7 +175,8 @@ fn disc(out: &mut Content, (x, y): (f64, f64), r: f64) {
 }
 
 fn text(out: &mut Content, words: &Words, y: f64) {
-    let wide = helvetica::width(&words.text, words.size) * if words.bold { WIDER } else { 1.0 };
+    let font = if words.bold { &BOLD } else { &REGULAR };
+    let wide = thousandths(font, &words.text) * words.size / 1000.0;
     let back = match words.anchor {
         Anchor::Start => 0.0,
         Anchor::Middle => 0.5 * wide,
@@ -168,15 +193,26 @@ fn text(out: &mut Content, words: &Words, y: f64) {
     out.set_text_matrix(matrix).show(Str(&latin(&words.text))).end_text();
 }
 
-/// In the font's encoding; what it lacks becomes a question mark.
+/// In the font's encoding.
 fn latin(text: &str) -> Vec<u8> {
-    let byte = |c: char| match c {
-        '\u{2013}' => 0x96,
-        '\u{2212}' => b'-',
-        c if matches!(u32::from(c), 32..=126 | 160..=255) => u32::from(c) as u8,
-        _ => b'?',
-    };
-    text.chars().map(byte).collect()
+    text.chars().filter_map(code).collect()
+}
+
+/// How wide a line of text is drawn, thousandths of its size.
+fn thousandths(font: &Font, text: &str) -> f64 {
+    latin(text).iter().map(|code| f64::from(font.widths[usize::from(*code) - 32])).sum()
+}
+
+/// The code of a letter; `None` where the font has none.
+fn code(c: char) -> Option<u8> {
+    match c {
+        '\u{2013}' => Some(0x96),
+        '\u{2212}' => Some(b'-'),
+        '\u{2018}' | '\u{2019}' => Some(b'\''),
+        '\u{201c}' | '\u{201d}' => Some(b'"'),
+        c if matches!(u32::from(c), 32..=126 | 160..=255) => u8::try_from(u32::from(c)).ok(),
+        _ => None,
+    }
 }
 
 fn unit(colour: Rgb) -> [f32; 3] {
@@ -192,6 +228,7 @@ fn short(value: f64) -> f32 {
 mod tests {
     use super::*;
     use crate::draw::figure::{BLACK, BLUE};
+    use crate::draw::helvetica;
 
     #[test]
     fn the_page_holds_every_shape_and_the_same_bytes_each_time() {
@@ -201,10 +238,10 @@ mod tests {
         figure.text((50.0, 40.0), 8.0, Anchor::Middle, "Größe (1)");
         let beyond = Shape::Path(vec![(0.0, 0.0), (90.0, 9.0)], Ink::line(BLUE, 1.0));
         figure.shapes.push(Shape::Within([40.0, 5.0, 20.0, 10.0], vec![beyond]));
-        let bytes = pdf(&figure);
-        assert_eq!(bytes, pdf(&figure));
+        let bytes = pdf(&figure).unwrap();
+        assert_eq!(bytes, pdf(&figure).unwrap());
         let text: String = bytes.iter().map(|b| char::from(*b)).collect();
-        assert!(text.starts_with("%PDF-") && text.contains("10 35 20 10 re") && text.contains("100 0 l"), "{text}");
+        assert!(text.starts_with("%PDF-1.5") && text.contains("10 35 20 10 re") && text.contains("100 0 l"), "{text}");
         // Letters beyond ASCII stand as hex digits, in the font's encoding.
         assert!(
             text.to_uppercase().contains("4772F6DF65") && text.contains("/BaseFont /EVODRI+Arimo-Regular"),
@@ -222,7 +259,7 @@ mod tests {
     #[test]
     fn a_font_travels_with_the_words_that_need_it_and_no_other_is_named() {
         let mut figure = Figure::new(100.0, 50.0, "words");
-        let text_of = |figure: &Figure| -> String { pdf(figure).iter().map(|b| char::from(*b)).collect() };
+        let text_of = |figure: &Figure| -> String { pdf(figure).unwrap().iter().map(|b| char::from(*b)).collect() };
         assert!(!text_of(&figure).contains("/FontFile2"), "no words, no font");
         figure.text((50.0, 40.0), 8.0, Anchor::Middle, "plain");
         let plain = text_of(&figure);
@@ -236,7 +273,7 @@ mod tests {
             assert!(!both.contains(standard), "{standard} is not in the file");
         }
         // The file is there whole: a TrueType file begins so.
-        let bytes = pdf(&figure);
+        let bytes = pdf(&figure).unwrap();
         for font in [REGULAR, BOLD] {
             assert!(font.file.starts_with(&[0, 1, 0, 0]));
             assert!(bytes.windows(font.file.len()).any(|part| part == font.file));
@@ -253,5 +290,17 @@ mod tests {
         // Every letter that the encoding can say is drawn.
         let codes = (32..127).chain(160..256).chain([0x96]);
         assert!(codes.into_iter().all(|code: usize| REGULAR.widths[code - 32] > 0 && BOLD.widths[code - 32] > 0));
+    }
+
+    #[test]
+    fn a_letter_that_the_font_lacks_is_an_error_and_no_question_mark() {
+        let mut figure = Figure::new(100.0, 50.0, "arrows");
+        figure.text((50.0, 40.0), 8.0, Anchor::Middle, "10–20 m, é, “so”");
+        assert!(pdf(&figure).is_ok());
+        let mut inner = Figure::new(1.0, 1.0, "");
+        inner.text((50.0, 40.0), 8.0, Anchor::Middle, "a → b");
+        figure.shapes.push(Shape::Within([0.0, 0.0, 9.0, 9.0], inner.shapes));
+        let error = pdf(&figure).unwrap_err().to_string();
+        assert!(error.contains("\"arrows\" says \"a → b\"") && error.contains("'→'"), "{error}");
     }
 }

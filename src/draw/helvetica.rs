@@ -1,6 +1,8 @@
 //! Widths of Helvetica's letters, so that text can be laid out without a font: the font of PDF files (`arimo`) has the same, and
 //! so have Arial and Liberation Sans, which readers of SVG put in its place.
 
+use super::arimo::REGULAR;
+
 /// Widths of the characters from space to tilde in thousandths of the size (Adobe's metrics of Helvetica).
 const WIDTHS: [u16; 95] = [
     278, 278, 355, 556, 556, 889, 667, 191, 333, 333, 389, 584, 278, 333, 278, 278, // space to slash
@@ -10,14 +12,15 @@ const WIDTHS: [u16; 95] = [
     333, 556, 556, 500, 556, 556, 278, 556, 556, 222, 222, 500, 222, 833, 556, 556, // grave to o
     556, 556, 333, 500, 278, 556, 500, 722, 500, 500, 500, 334, 260, 334, 584, // p to tilde
 ];
-/// Of any other character: that of most letters.
+/// Of a character that the font lacks, too: that of most letters.
 const OTHER: u16 = 556;
 
 /// Width of a line of text at a size; both in the figure's units.
 pub fn width(text: &str, size: f64) -> f64 {
     let of = |c: char| {
         let place = u32::from(c).checked_sub(32).map(|at| at as usize);
-        place.and_then(|at| WIDTHS.get(at)).copied().unwrap_or(OTHER)
+        let known = place.and_then(|at| WIDTHS.get(at).or(REGULAR.widths.get(at))).copied();
+        known.filter(|width| *width > 0).unwrap_or(OTHER)
     };
     let thousandths: u32 = text.chars().map(|c| u32::from(of(c))).sum();
     f64::from(thousandths) * size / 1000.0

@@ -18,7 +18,7 @@ pub use figure::{
     Anchor, BLACK, BLUE, Figure, GREEN, GREY, Ink, LIGHT, Mark, ORANGE, PURPLE, Rgb, SKY, Shape, VERMILION, WHITE,
     Words, YELLOW,
 };
-pub use figure_pdf::pdf;
+pub use figure_pdf::{PdfError, pdf};
 pub use film::{Film, FilmError, FilmOptions, film, gif};
 pub use helvetica::{width, wrapped};
 pub use panel::{Panel, colour, panel};

@@ -1,6 +1,6 @@
 //! A recorded run, read back from its transcript: what every report, table and audit starts from.
 
-use serde::de::DeserializeOwned;
+use serde::{Serialize, de::DeserializeOwned};
 
 use crate::archive::ArchiveOptions;
 use crate::kernel::Digest;
@@ -59,6 +59,18 @@ pub struct Declared {
     pub planner: Option<String>,
     /// What the archive compared with.
     pub archive: Option<ArchiveOptions>,
+    pub setting: Setting,
+}
+
+/// What a caption says of an experiment, in words; empty where nobody read it.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Setting {
+    /// Who simulates.
+    pub simulator: String,
+    /// Where the scenes come from.
+    pub pool: String,
+    /// Which contacts are attacks.
+    pub reading: String,
 }
 
 /// The ego that is a planner of the experimenter's own.

@@ -147,10 +147,19 @@ fn the_fronts_of_a_run_are_a_figure_with_its_points_and_a_chain_is_drawn_where_t
 #[test]
 fn a_tables_columns_are_chosen_and_latex_takes_those_that_fit_a_page() {
     let table = |more: &[&str]| run(&[&["table", "metadrive-policy", folder()], more].concat());
-    let columns =
-        |text: &str| text.lines().find(|line| line.starts_with("Method")).map_or(0, |line| line.matches('&').count());
     let (page, all) = (table(&["--format", "latex"]), table(&["--format", "latex", "--columns", "all"]));
-    assert_eq!((columns(&page.stdout), columns(&all.stdout)), (11, 20));
+    let head = page.stdout.lines().find(|line| line.starts_with("Method")).unwrap();
+    assert_eq!(head.matches('&').count(), 7, "eight columns: {head}");
+    let (short, long) = all.stdout.split_once("\\else").unwrap();
+    assert!(short.contains(head) && long.matches("\\begin{longtable}").count() > 1, "{}", all.stdout);
+    assert!(page.stdout.contains("Attack: contacts that the ego caused or could have avoided."), "{}", page.stdout);
+    let rows = table(&["--rows", "CAT/IDM,AT", "--format", "csv"]);
+    assert_eq!(
+        rows.stdout.lines().map(|line| line.split(',').next().unwrap()).collect::<Vec<_>>(),
+        ["method", "CAT", "AT"]
+    );
+    let unknown = table(&["--rows", "CATT"]);
+    assert!(unknown.code == 2 && unknown.stderr.contains("did you mean `CAT`"), "{}", unknown.stderr);
     assert!(page.stderr.contains("--columns all prints every one") && all.stderr.is_empty(), "{}", page.stderr);
     let two = table(&["--columns", "evolved_attack,seeds", "--format", "csv"]);
     let head = two.stdout.lines().next().unwrap().to_string();

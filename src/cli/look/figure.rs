@@ -21,7 +21,7 @@ pub struct Options {
     #[command(flatten)]
     pub runs: Runs,
     /// The lineage that `case-evolution` shows, without it the run's first whose reported program has patches; or the one that
-    /// `pareto-front` shows, without it all.
+    /// `pareto-front` and `front` show, without it all.
     #[arg(long)]
     pub lineage: Option<String>,
     /// File to write: .svg, or .pdf with its font embedded.
@@ -44,12 +44,17 @@ pub enum Which {
     CaseEvolution,
     /// Attack against realism: parent, evaluated descendants, the front and the reported program, a panel a lineage.
     ParetoFront,
+    /// Attack against realism on held-out scenes: parent and reported programs of several searches, with intervals, a panel a
+    /// generator.
+    Front,
+    /// The loop: a patch's way from a frozen snapshot to the settled state, and its ways out (fig:method-architecture).
+    Method,
     /// Pareto area by group over rounds (fig:carla-pareto-evolution).
     CarlaPareto,
     /// Scenes in which an evolved generator attacks and its parent does not, side by side, one row per lineage
     /// (fig:carla-cases).
     Cases,
-    /// The rooms of the code, from docs/ARCHITECTURE.md (fig:method-architecture, fig:system-arch).
+    /// The rooms of the code, from docs/ARCHITECTURE.md (fig:system-arch).
     Architecture,
 }
 
@@ -76,6 +81,8 @@ impl Which {
             (Which::ParetoFront, _) => {
                 figures::pareto_front(recorded_runs, lineage.map(LineageId::new).as_ref()).map(|(figure, _)| figure)
             }
+            (Which::Front, _) => figures::front(recorded_runs, lineage.map(LineageId::new).as_ref()),
+            (Which::Method, _) => figures::method(),
             (Which::CarlaPareto, _) => figures::area_rounds(recorded_runs),
             (Which::Cases, _) => figures::cases(played, recorded_runs),
             (Which::Architecture, _) => figures::architecture(),
@@ -112,8 +119,9 @@ fn cases(runs: &[FolderAndRun], jobs: usize) -> Result<Vec<Case>, Failure> {
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let ending = ending(&options.out)?;
-    // The picture of the program itself needs no run.
-    let needs_none = options.figure == Which::Architecture && options.runs.named().next().is_none();
+    // Pictures of the program itself need no run.
+    let needs_none =
+        matches!(options.figure, Which::Architecture | Which::Method) && options.runs.named().next().is_none();
     let folders = if needs_none { Vec::new() } else { options.runs.folders()? };
     let with_folder = |folder: RunFolder| -> Result<FolderAndRun, Failure> {
         let run = folder.recorded()?;
@@ -123,7 +131,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let figure = options.figure.of(&runs, options.lineage.as_deref(), jobs)?;
     let bytes = match ending {
         Ending::Svg => figure.svg().into_bytes(),
-        Ending::Pdf => pdf(&figure),
+        Ending::Pdf => pdf(&figure).map_err(Failure::bad_input)?,
     };
     let points = points(options, &runs)?;
     for place in [Some(&options.out), options.data.as_ref()].into_iter().flatten() {

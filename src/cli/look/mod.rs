@@ -16,5 +16,6 @@ pub mod report;
 pub mod rollout;
 pub mod show;
 pub mod table;
+pub mod table_options;
 pub mod why;
 pub mod world;

@@ -2,10 +2,12 @@
 
 use clap::{Args, ValueEnum};
 
+use crate::cli::look::table_options;
 use crate::cli::records::{folder::RunFolder, run_name::Runs};
 use crate::cli::terminal::{answer::Answer, answer::progress, exit::Failure, width::stdout_width};
-use crate::evidence::tables::{self, Table, TableError};
-use crate::evidence::{RecordedRun, cell};
+use crate::evidence::RecordedRun;
+use crate::evidence::cell;
+use crate::evidence::tables::{self, LatexForm, Table, TableError};
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -16,10 +18,16 @@ pub struct Options {
     /// How to write it; without it aligned columns on a terminal, and Markdown in a pipe or a file.
     #[arg(long)]
     pub format: Option<Format>,
-    /// Which columns of numbers, by their names in CSV, with commas; or `all`. Without it all, and in LaTeX those that fit
-    /// a page.
+    /// Which columns of numbers, by their names in CSV, with commas; or `all`, in LaTeX as a long table. Without it all, and
+    /// in LaTeX those that fit a page: at most eight, and none in which every row says the same.
     #[arg(long, value_delimiter = ',', value_name = "COLUMNS")]
     pub columns: Vec<String>,
+    /// Which rows, by their first label or all labels with `/` between (`CAT`, `CAT/IDM`), with commas, in this order.
+    #[arg(long, value_delimiter = ',', value_name = "ROWS")]
+    pub rows: Vec<String>,
+    /// In LaTeX also the paper's numbers, in a row below ours; the other formats have them always.
+    #[arg(long)]
+    pub paper_rows: bool,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -83,12 +91,12 @@ pub enum Format {
 }
 
 impl Format {
-    /// A table written so.
+    /// A table written so; in LaTeX with the columns that it has.
     pub fn text(self, table: &Table) -> String {
         match self {
             Format::Markdown => tables::markdown(table),
             Format::Csv => tables::csv(table),
-            Format::Latex => tables::latex(table),
+            Format::Latex => tables::latex(table, LatexForm::default()),
         }
     }
 }
@@ -96,43 +104,32 @@ impl Format {
 pub fn run(options: &Options) -> Result<Answer, Failure> {
     let runs = options.runs.folders()?.iter().map(RunFolder::recorded).collect::<Result<Vec<_>, _>>()?;
     let table = options.table.of(&runs).map_err(Failure::bad_input)?;
-    let table = columns(options, table)?;
+    let table = table_options::rows("--rows", &options.rows, table)?;
+    let table = match (options.columns.as_slice(), options.format) {
+        ([], Some(Format::Latex)) => of_a_page(&table),
+        (columns, _) => table_options::columns("--columns", columns, table)?,
+    };
     let object = table.json();
     Ok(match (options.format, stdout_width()) {
         (None, Some(width)) => Answer::new(tables::plain(&table, width), object),
+        (Some(Format::Latex), _) => {
+            let form = LatexForm { whole: options.columns == ["all"], paper: options.paper_rows };
+            Answer::exact(tables::latex(&table, form), object)
+        }
         (format, _) => Answer::exact(format.unwrap_or(Format::Markdown).text(&table), object),
     })
 }
 
-/// The table with the columns that are wanted.
-fn columns(options: &Options, table: Table) -> Result<Table, Failure> {
-    let wanted: Vec<&str> = options.columns.iter().map(String::as_str).collect();
-    match (wanted.as_slice(), options.format) {
-        (["all"], _) => Ok(table),
-        ([], Some(Format::Latex)) => {
-            let page = tables::of_a_page(&table);
-            let (shown, all) = (page.keys().len(), table.keys().len());
-            if shown < all {
-                progress(format!(
-                    "{shown} of {all} columns of numbers, so that the table fits a page; --columns all prints every one"
-                ));
-            }
-            Ok(page)
-        }
-        ([], _) => Ok(table),
-        (keys, _) => {
-            let known: Vec<String> = table.keys().into_iter().map(String::from).collect();
-            match keys.iter().find(|key| !known.iter().any(|known| known == *key)) {
-                None => Ok(table.with(keys)),
-                Some(key) => Err(Failure::bad_input(format!(
-                    "--columns: table {} has no column `{key}`{}; its columns are {}, or all",
-                    table.name,
-                    cell::near(key, &known),
-                    known.join(", ")
-                ))),
-            }
-        }
+/// The table with what fits a page; says what was left out.
+fn of_a_page(table: &Table) -> Table {
+    let page = tables::of_a_page(table);
+    let (shown, all) = (page.keys().len(), table.keys().len());
+    if shown < all {
+        progress(format!(
+            "{shown} of {all} columns of numbers, so that the table fits a page; --columns all prints every one"
+        ));
     }
+    page
 }
 
 #[cfg(test)]

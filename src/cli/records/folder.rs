@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 use crate::adapters::ADAPTER_VERSION;
+use crate::cli::records::setting;
 use crate::cli::terminal::exit::{Exit, Failure};
 use crate::evaluation::EVAL_VERSION;
 use crate::evidence::{Declared, Reading, RecordedRun, RecordedRunError};
@@ -340,6 +341,7 @@ impl RunFolder {
         let declared = self.read_experiment().map_or_else(
             |_| Declared::default(),
             |experiment| Declared {
+                setting: setting::of(&experiment),
                 planner: experiment.driver.map(|driver| driver.name()),
                 archive: Some(experiment.archive),
             },

@@ -8,3 +8,4 @@ pub mod fsck;
 pub mod redacted;
 pub mod run_name;
 pub mod scratch;
+pub mod setting;

@@ -102,7 +102,7 @@ fn drawn_strip(options: &Options, kind: Kind, drawing: &Drawing, title: String) 
         title: title.clone(),
     };
     let bytes = match kind {
-        Kind::Page => pdf(&strip_figure(drawing, &strip_of)),
+        Kind::Page => pdf(&strip_figure(drawing, &strip_of)).map_err(Failure::bad_input)?,
         _ => strip(drawing, &strip_of).into_bytes(),
     };
     options.output.write(&options.out, &bytes)?;

@@ -75,7 +75,7 @@ fn answer(options: &Options, file: &DownstreamFile, found: &Downstream) -> Resul
         options.output.write(&named("md"), text.as_bytes())?;
         options.output.write(&named("csv"), csv(&table).as_bytes())?;
         options.output.write(&named("svg"), figure.svg().as_bytes())?;
-        options.output.write(&named("pdf"), &pdf(&figure))?;
+        options.output.write(&named("pdf"), &pdf(&figure).map_err(Failure::bad_input)?)?;
         options.output.write(&named("html"), page(found).as_bytes())?;
     }
     Ok(Answer::new(text, json!({"study": found.opening, "table": table.json()})))

@@ -1,5 +1,6 @@
 //! Why runs give no figure.
 
+use crate::evidence::tables::TableError;
 use crate::objects::LineageId;
 
 /// Runs that give no such figure.
@@ -26,6 +27,12 @@ pub enum FigureError {
     NoLabels,
     #[error("these runs have more than {most} lineages, too many for a sheet; name one by --lineage: {}", known.join(", "))]
     TooManyLineages { most: usize, known: Vec<String> },
+    #[error(transparent)]
+    Table(#[from] TableError),
+    #[error(
+        "docs/ARCHITECTURE.md holds no journey of a patch: expected two lines of words under `## A patch's journey`, verbs and rooms"
+    )]
+    NoJourney,
     #[error("docs/ARCHITECTURE.md holds no table of rooms: expected lines `| floor | room | holds | may import |`")]
     NoRooms,
 }

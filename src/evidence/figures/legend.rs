@@ -6,7 +6,7 @@ use crate::evidence::recorded_run::RecordedRun;
 /// Size of letters, points.
 pub const LETTERS: f64 = 7.5;
 /// Of the source's line.
-const SMALL: f64 = 6.0;
+const SMALL: f64 = 7.0;
 
 /// A sign and what it means.
 pub type Entry<'a> = (Mark, Ink, &'a str);
@@ -27,7 +27,7 @@ pub fn foot(figure: &mut Figure, text: &str) {
         let at = (10.0, figure.height + 4.0);
         let (anchor, bold, upwards) = (Anchor::Start, false, false);
         figure.words(Words { at, size: SMALL, anchor, bold, colour: GREY, upwards, text: line });
-        figure.height += 8.0;
+        figure.height += 9.0;
     }
     figure.height += 4.0;
 }

@@ -222,8 +222,11 @@ mod tests {
         assert_eq!(discs(Ink::fill(BLUE).edged(WHITE, 0.4), 2.4), 3, "on the front");
         assert_eq!(discs(Ink::fill(SKY), 1.9), 1, "accepted");
         assert_eq!(discs(Ink::line(VERMILION, 1.2), 5.0), 1, "reported");
-        let bytes = pdf(&one);
-        assert!(bytes == pdf(&drawn(&[points()], "strict realism", "Recorded: none.")), "the same bytes each time");
+        let bytes = pdf(&one).unwrap();
+        assert!(
+            bytes == pdf(&drawn(&[points()], "strict realism", "Recorded: none.")).unwrap(),
+            "the same bytes each time"
+        );
         let csv = data(&[points()]);
         assert_eq!(csv.lines().count(), 6);
         assert!(csv.contains("cat-idm,f2,0.3,0.93,1,16,false,true,true,true\n"), "{csv}");

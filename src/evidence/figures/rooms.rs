@@ -37,7 +37,8 @@ pub fn rooms(page: &str) -> Vec<Room> {
         rooms.push(Room {
             floor: floor.clone(),
             name: name.to_string(),
-            holds: holds.replace('`', ""),
+            // The font has no arrow.
+            holds: holds.replace('`', "").replace(" → ", " to "),
             imports: listed.then(|| imports.split_whitespace().count()),
         });
     }
@@ -46,10 +47,12 @@ pub fn rooms(page: &str) -> Vec<Room> {
 
 const COLOURS: [Rgb; 5] = [SKY, GREEN, YELLOW, ORANGE, PURPLE];
 /// Boxes of a row, their size and the room between, points.
-const IN_A_ROW: usize = 4;
-const BOX: [f64; 2] = [98.0, 47.0];
+const IN_A_ROW: usize = 3;
+const BOX: [f64; 2] = [132.5, 66.0];
 const GAP: f64 = 5.0;
 const LEFT: f64 = 62.0;
+/// Size of letters in a box, points.
+const LETTERS: f64 = 7.0;
 
 /// The rooms as boxes, a band a floor, the ground at the bottom.
 pub fn architecture() -> Result<Figure, FigureError> {
@@ -96,17 +99,17 @@ fn band(sheet: &mut Figure, floor: &str, rooms: &[&Room], colour: Rgb, high: f64
         let x = LEFT - 18.0 + column * (BOX[0] + GAP);
         let y = top + GAP - 1.0 + line * (BOX[1] + GAP);
         sheet.rect([x, y, BOX[0], BOX[1]], Ink::fill([255, 255, 255]).edged(GREY, 0.6));
-        sheet.heading((x + 4.0, y + 10.0), 8.0, room.name.as_str());
+        sheet.heading((x + 4.0, y + 10.5), 8.5, room.name.as_str());
         let imports = match room.imports {
             Some(1) => "imports 1 room".to_string(),
             Some(count) => format!("imports {count} rooms"),
             None => "imports any room".to_string(),
         };
         let (at, anchor) = ((x + BOX[0] - 3.0, y + 9.5), Anchor::End);
-        let small = Words { at, size: 4.8, anchor, bold: false, colour: GREY, upwards: false, text: imports };
+        let small = Words { at, size: LETTERS, anchor, bold: false, colour: GREY, upwards: false, text: imports };
         sheet.words(small);
-        for (nth, line) in wrapped(&room.holds, 5.6, BOX[0] - 8.0, 5).into_iter().enumerate() {
-            sheet.text((x + 4.0, y + 17.5 + 6.4 * nth as f64), 5.6, Anchor::Start, line);
+        for (nth, line) in wrapped(&room.holds, LETTERS, BOX[0] - 8.0, 6).into_iter().enumerate() {
+            sheet.text((x + 4.0, y + 20.0 + 8.2 * nth as f64), LETTERS, Anchor::Start, line);
         }
     }
     sheet.height += high;

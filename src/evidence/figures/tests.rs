@@ -23,5 +23,5 @@ fn the_architecture_is_drawn_from_the_page_alone() {
 #[test]
 fn a_figure_is_the_same_bytes_each_time() {
     let (one, two) = (architecture().unwrap(), architecture().unwrap());
-    assert_eq!((one.svg(), pdf(&one)), (two.svg(), pdf(&two)));
+    assert_eq!((one.svg(), pdf(&one).unwrap()), (two.svg(), pdf(&two).unwrap()));
 }

@@ -1,9 +1,17 @@
 //! What the paper of ours is made of beside tables and figures: its plan, its numbers as macros, and the check that none is typed.
 
 mod numbers;
+mod pages;
 mod plan;
+mod quoted;
+mod roots;
 mod typed;
 
-pub use numbers::{numbers, of_agreement};
-pub use plan::{Piece, Plan, PlanError, PlannedRun, What, plan};
+pub use numbers::numbers;
+pub use pages::{
+    FIGURE_TEXT_PT, FigureUse, Page, figures_of, overfull, pages_of, smallest_text_pt, unsound_fonts, unsound_pages,
+};
+pub use plan::{Named, Piece, Plan, PlanError, PlannedRun, What, plan};
+pub use quoted::quoted;
+pub use roots::{Root, roots};
 pub use typed::{Typed, typed_numbers, unknown_numbers};

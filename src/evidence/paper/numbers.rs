@@ -6,33 +6,22 @@ use std::fmt::Write as _;
 use crate::evidence::claims::{Judgement, Verdict};
 use crate::evidence::tables::{Table, escaped};
 
-/// What the file begins with: a name that is not there stops LaTeX.
-const HEAD: &str = "% Made by `evodrive paper --bless`; every number of the text is one of these.\n\
-    \\newcommand{\\evo}[1]{\\ifcsname evo:#1\\endcsname\\csname evo:#1\\endcsname\\else\\errmessage{no number of that name: #1}\\fi}\n";
+/// What the file begins with: a name that is not there stops LaTeX. `\evo` prints a number with its interval, `\evonumber` the number
+/// alone, `\evostack` the interval below it.
+const HEAD: &str = r"% Made by `evodrive paper --bless`; every number of the text is one of these.
+\newcommand{\evo}[1]{\ifcsname evo:#1\endcsname\csname evo:#1\endcsname\else\errmessage{no number of that name: #1}\fi}
+\def\evocut#1 #2\evoend{#1}
+\def\evorest#1 #2\evoend{#2}
+\newcommand{\evoparts}[2]{\ifcsname evo:#2\endcsname\expandafter\expandafter\expandafter#1\csname evo:#2\endcsname\space\evoend\else\errmessage{no number of that name: #2}\fi}
+\newcommand{\evonumber}[1]{\evoparts{\evocut}{#1}}
+\newcommand{\evostack}[1]{\evointerval{\evonumber{#1}}{\evoparts{\evorest}{#1}}}
+";
 
-/// Every cell of these tables, counts of the claims by verdict, and what was read from other goldens.
-pub fn numbers(tables: &[Table], claims: Option<&Judgement>, others: &BTreeMap<String, String>) -> String {
+/// Every cell of these tables under the name of each, counts of the claims by verdict, and what was read from other goldens.
+pub fn numbers(tables: &[(String, Table)], claims: Option<&Judgement>, others: &BTreeMap<String, String>) -> String {
     let mut all: BTreeMap<String, String> = others.clone();
-    for table in tables {
-        for row in table.rows() {
-            let first = row.labels.first().map(String::as_str).unwrap_or_default();
-            let several = table.rows().filter(|other| other.labels.first() == row.labels.first()).count() > 1;
-            for cell in &row.cells {
-                let Some(ours) = cell.ours else { continue };
-                let form = cell.column.form;
-                let interval = ours.interval.map_or(String::new(), |of| format!(" {}", form.interval(of)));
-                let number = format!("{}{interval}", form.number(ours.value));
-                // Under its first label the first row counts; where more rows have it, each stands under all its labels too.
-                if several {
-                    let name = format!("{}:{}:{}", table.name, row.labels.join("/"), cell.column.key);
-                    all.entry(name).or_insert(number.clone());
-                }
-                all.entry(format!("{}:{first}:{}", table.name, cell.column.key)).or_insert(number);
-            }
-            for (head, count) in table.counts.iter().zip(&row.counts) {
-                all.entry(format!("{}:{first}:{}", table.name, head.key)).or_insert(count.to_string());
-            }
-        }
+    for (name, table) in tables {
+        cells(&mut all, name, table);
         for run in &table.runs {
             for (name, count) in [
                 ("attempts", run.attempts),
@@ -43,6 +32,7 @@ pub fn numbers(tables: &[Table], claims: Option<&Judgement>, others: &BTreeMap<S
             ] {
                 all.insert(format!("run:{}:{name}", run.name), count.to_string());
             }
+            all.insert(format!("run:{}:root", run.name), run.root.chars().take(8).collect());
         }
     }
     if let Some(claims) = claims {
@@ -61,14 +51,26 @@ pub fn numbers(tables: &[Table], claims: Option<&Judgement>, others: &BTreeMap<S
     out
 }
 
-/// The first row of the table of agreement, each cell under `agreement:<its head>`; nothing without such a table.
-pub fn of_agreement(markdown: &str) -> BTreeMap<String, String> {
-    let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().to_string()).collect::<Vec<_>>();
-    let mut lines = markdown.lines().filter(|line| line.starts_with('|'));
-    let (head, first) = (lines.next().map(cells), lines.nth(1).map(cells));
-    let (Some(head), Some(first)) = (head, first) else { return BTreeMap::new() };
-    let plain = |text: &str| text.chars().filter(|c| c.is_ascii_alphanumeric() || *c == ' ').collect::<String>();
-    head.iter().zip(first).map(|(head, cell)| (format!("agreement:{}", plain(head).trim()), cell)).collect()
+fn cells(all: &mut BTreeMap<String, String>, name: &str, table: &Table) {
+    for row in table.rows() {
+        let first = row.labels.first().map(String::as_str).unwrap_or_default();
+        let several = table.rows().filter(|other| other.labels.first() == row.labels.first()).count() > 1;
+        for cell in &row.cells {
+            let Some(ours) = cell.ours else { continue };
+            let form = cell.column.form;
+            let interval = ours.interval.map_or(String::new(), |of| format!(" {}", form.interval(of)));
+            let number = format!("{}{interval}", form.number(ours.value));
+            // Under its first label the first row counts; where more rows have it, each stands under all its labels too.
+            if several {
+                let name = format!("{name}:{}:{}", row.labels.join("/"), cell.column.key);
+                all.entry(name).or_insert(number.clone());
+            }
+            all.entry(format!("{name}:{first}:{}", cell.column.key)).or_insert(number);
+        }
+        for (head, count) in table.counts.iter().zip(&row.counts) {
+            all.entry(format!("{name}:{first}:{}", head.key)).or_insert(count.to_string());
+        }
+    }
 }
 
 #[cfg(test)]
@@ -82,8 +84,9 @@ mod tests {
         let mut recorded = run("made", &[("actor", "scripted")]);
         add(&mut recorded, &CAT);
         let table = metadrive_policy(&[recorded]).unwrap();
-        let text = numbers(&[table], None, &BTreeMap::from([("other".to_string(), "5 %".to_string())]));
-        assert!(text.contains("csname evo:metadrive-policy:CAT:evolved_attack\\endcsname{0.500 "), "{text}");
+        let text =
+            numbers(&[("policy".into(), table)], None, &BTreeMap::from([("other".to_string(), "5 %".to_string())]));
+        assert!(text.contains("csname evo:policy:CAT:evolved_attack\\endcsname{0.500 "), "{text}");
         assert!(!text.contains("CAT/IDM"), "one row of a name needs no more than it");
         assert!(text.contains("evo:other\\endcsname{5 \\%}") && text.contains("evo:run:made:held_out_scenes"));
     }
@@ -93,20 +96,9 @@ mod tests {
         let mut recorded = run("made", &[("actor", "scripted")]);
         add(&mut recorded, &CAT);
         add(&mut recorded, &End { id: "cat-sac", ego: "learned", pf_area_at_3_pct: 7.0, ..CAT });
-        let text = numbers(&[metadrive_policy(&[recorded]).unwrap()], None, &BTreeMap::new());
-        let number =
-            |row: &str| text.split(&format!("evo:metadrive-policy:{row}:pf_area_at_3_pct\\endcsname")).nth(1).unwrap();
+        let text = numbers(&[("policy".into(), metadrive_policy(&[recorded]).unwrap())], None, &BTreeMap::new());
+        let number = |row: &str| text.split(&format!("evo:policy:{row}:pf_area_at_3_pct\\endcsname")).nth(1).unwrap();
         assert!(number("CAT").starts_with("{+12.0") && number("CAT/IDM").starts_with("{+12.0"));
         assert!(number("CAT/RL").starts_with("{+7.0"), "{text}");
-    }
-
-    #[test]
-    fn the_agreement_is_read_from_its_first_row() {
-        let found = of_agreement(
-            "told\n\n| rollouts of | n | agreement % |\n|---|---|---|\n| all | 400 | 89.8 |\n| b | 1 | 2 |\n",
-        );
-        assert_eq!(found["agreement:n"], "400");
-        assert_eq!(found["agreement:agreement"], "89.8");
-        assert!(of_agreement("no table").is_empty());
     }
 }

@@ -68,6 +68,12 @@ pub struct Piece {
     /// File of the downstream study whose table or figure it is, in the place of runs.
     #[serde(default)]
     pub study: Option<String>,
+    /// Columns of the table as it stands in the text, by their names in CSV; without them those that fit a page.
+    #[serde(default)]
+    pub columns: Vec<String>,
+    /// Its rows there; without them all.
+    #[serde(default)]
+    pub rows: Vec<String>,
 }
 
 impl Piece {
@@ -82,6 +88,22 @@ impl Piece {
     }
 }
 
+/// A table that stands elsewhere and whose numbers the text names.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Named {
+    /// What the names of its numbers begin with.
+    pub name: String,
+    /// A table by its name, made of these runs.
+    #[serde(default)]
+    pub table: Option<String>,
+    #[serde(default)]
+    pub runs: Vec<String>,
+    /// Or a Markdown file of the goldens, from which its tables are read.
+    #[serde(default)]
+    pub golden: Option<String>,
+}
+
 /// All of it.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -90,6 +112,8 @@ pub struct Plan {
     pub runs: Vec<PlannedRun>,
     #[serde(rename = "piece")]
     pub pieces: Vec<Piece>,
+    #[serde(default, rename = "numbers")]
+    pub named: Vec<Named>,
 }
 
 impl Plan {
@@ -103,6 +127,12 @@ impl Plan {
         let own = |piece: &&Piece| piece.runs.iter().all(|name| self.run(name).is_some_and(|run| run.short));
         self.pieces.iter().filter(|piece| !short || own(piece)).collect()
     }
+}
+
+fn known_runs(plan: &Plan, runs: &[String]) -> Result<(), String> {
+    let Some(unknown) = runs.iter().find(|name| plan.run(name).is_none()) else { return Ok(()) };
+    let known: Vec<&str> = plan.runs.iter().map(|run| run.name.as_str()).collect();
+    Err(format!("no run `{unknown}`; there are {}", known.join(", ")))
 }
 
 /// The plan of a file's text; `file` is its name for errors.
@@ -132,10 +162,17 @@ pub fn plan(file: &str, text: &str) -> Result<Plan, PlanError> {
         if piece.what() == What::Credit && piece.runs.len() != 1 {
             return Err(refuse(format!("a table of credit is of one run, found {}", piece.runs.len())));
         }
-        if let Some(unknown) = piece.runs.iter().find(|name| read.run(name).is_none()) {
-            let known: Vec<&str> = read.runs.iter().map(|run| run.name.as_str()).collect();
-            return Err(refuse(format!("no run `{unknown}`; there are {}", known.join(", "))));
+        known_runs(&read, &piece.runs).map_err(refuse)?;
+    }
+    for named in &read.named {
+        let refuse = |reason: String| PlanError::Piece { file: file.to_string(), piece: named.name.clone(), reason };
+        if named.table.is_some() == named.golden.is_some() || named.golden.is_some() != named.runs.is_empty() {
+            return Err(refuse("expected either table and runs, or golden".into()));
         }
+        if !files.insert(&named.name) {
+            return Err(refuse("its name is that of a piece, or there twice".into()));
+        }
+        known_runs(&read, &named.runs).map_err(refuse)?;
     }
     Ok(read)
 }
@@ -146,7 +183,8 @@ mod tests {
 
     const FILE: &str = "[[run]]\nname = \"a\"\nexperiment = \"a.toml\"\nshort = true\n[[run]]\nname = \"b\"\nexperiment = \"b.toml\"\n\
                         [[piece]]\nfile = \"one\"\nlabel = \"fig:one\"\nfigure = \"patch-surface\"\nruns = [\"a\"]\n\
-                        [[piece]]\nfile = \"two\"\nlabel = \"tab:two\"\ntable = \"proposals\"\nruns = [\"a\", \"b\"]\n";
+                        [[piece]]\nfile = \"two\"\nlabel = \"tab:two\"\ntable = \"proposals\"\nruns = [\"a\", \"b\"]\n\
+                        [[numbers]]\nname = \"three\"\ngolden = \"llm/a.md\"\n";
 
     #[test]
     fn the_short_form_has_the_pieces_whose_runs_are_all_short() {
@@ -165,6 +203,9 @@ mod tests {
             ("table = \"proposals\"\n", "", "either table or figure"),
             ("table = \"proposals\"", "table = \"credit\"", "of one run, found 2"),
             ("short = true", "short = 1", "plan.toml"),
+            ("name = \"three\"", "name = \"two\"", "that of a piece"),
+            ("golden = \"llm/a.md\"", "table = \"proposals\"", "either table and runs, or golden"),
+            ("golden = \"llm/a.md\"", "table = \"proposals\"\nruns = [\"c\"]", "no run `c`"),
         ] {
             let error = plan("plan.toml", &FILE.replacen(from, to, 1)).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");

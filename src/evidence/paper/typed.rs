@@ -10,8 +10,18 @@ pub struct Typed {
 }
 
 /// Commands whose arguments hold names, lengths and files, no results.
-const NAMES: [&str; 14] = [
+const NAMES: [&str; 22] = [
     "evo",
+    "evonumber",
+    "evostack",
+    "cite",
+    "eqref",
+    "evorule",
+    "multicolumn",
+    // Rows of a table that is put together from numbers, by their names.
+    "evorow",
+    // A number of a definition, which no run measures.
+    "const",
     "input",
     "includegraphics",
     "label",
@@ -72,14 +82,17 @@ pub fn typed_numbers(text: &str) -> Vec<Typed> {
     found
 }
 
-/// The `\evo{...}` of a LaTeX document whose name the numbers, as [`numbers`](super::numbers) writes them, do not define. LaTeX
+/// The `\evo{...}`, `\evonumber{...}` and `\evostack{...}` of a LaTeX document whose name the numbers, as [`numbers`](super::numbers) writes them, do not define. LaTeX
 /// stops there, but only where it is installed.
 pub fn unknown_numbers(text: &str, numbers: &str) -> Vec<Typed> {
     let mut typed = Vec::new();
     for (at, line) in text.lines().enumerate() {
         let printed =
             line.split_once('%').filter(|(before, _)| !before.ends_with('\\')).map_or(line, |(before, _)| before);
-        for name in printed.split("\\evo{").skip(1).filter_map(|rest| rest.split('}').next()) {
+        let named = ["\\evo{", "\\evonumber{", "\\evostack{"];
+        let names = named.iter().flat_map(|command| printed.split(command).skip(1));
+        // A name with a parameter is put together by LaTeX, which stops where there is none of it.
+        for name in names.filter_map(|rest| rest.split('}').next()).filter(|name| !name.contains('#')) {
             if !numbers.contains(&format!("\\csname evo:{name}\\endcsname")) {
                 typed.push(Typed { line: at + 1, text: name.to_string() });
             }

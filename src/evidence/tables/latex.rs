@@ -1,142 +1,138 @@
-//! A table as LaTeX with booktabs, shaped like the paper's; graphicx scales it to the line.
+//! A table as LaTeX with booktabs: a float for a page, or a long table for an appendix, upright and inside the margins.
 
-use super::cells::{self, Spelling};
-use super::layout::{Column, Part, Table};
+use super::caption;
+use super::latex_grid::{Cell, Column as GridColumn, Grid, blocks};
+use super::layout::{Column, Part, Row, Table};
+use super::page;
 
-const SPELLING: Spelling = Spelling {
-    text: escaped,
-    none: "--",
-    paper: "\\quad\\textit{paper}",
-    interval: |number, interval| format!("\\evointerval{{{number}}}{{{}}}", escaped(&interval)),
-    figure: |figure| format!("\\textit{{{figure}}}"),
-};
+/// What a document must have, and what it may set otherwise: how a caption begins, and whether notes are printed.
+const HEAD: &str = "% needs \\usepackage{array,booktabs,longtable}\n\
+    \\providecommand{\\evointerval}[2]{\\begin{tabular}[t]{@{}r@{}}#1\\\\[-0.5ex]{\\fontsize{6}{7}\\selectfont #2}\\end{tabular}}\n\
+    \\providecommand{\\evotitle}[2]{\\caption{#2}\\label{tab:evodrive-#1}}\n\
+    \\providecommand{\\evonote}[1]{\\par\\smallskip{\\footnotesize\\raggedright #1\\par}}\n";
 
-/// An interval stands below its number: beside it, tables of many columns would have to shrink until nobody can read them. Notes are a
-/// command, so that a paper can set them otherwise.
-const HEAD: &str = "% needs \\usepackage{booktabs} and \\usepackage{graphicx}\n\
-    \\providecommand{\\evointerval}[2]{\\begin{tabular}[t]{@{}r@{}}#1\\\\[-0.4ex]{\\tiny #2}\\end{tabular}}\n\
-    \\providecommand{\\evonote}[1]{\\par\\smallskip\\parbox{\\linewidth}{\\raggedright #1}}\n";
-
-/// Columns and counts of a table that fit the width of a page, by their keys.
-fn of_a_page_alone(name: &str) -> Option<Vec<&'static str>> {
-    // What every table says of parent and evolved program, and what the numbers rest on.
-    let (attacks, rest) = (["parent_attack", "evolved_attack"], ["scenes", "held_out_scenes", "seeds"]);
-    let own: &[&str] = match name {
-        "metadrive-main" | "metadrive-policy" => {
-            &["parent_rp_pct", "evolved_rp_pct", "attack_change", "rp_change_pp", "pf_area_at_3_pct"]
-        }
-        "metadrive-contacts" => &["attack", "avoidable_contact", "met_anyway", "adversary_contact", "any_contact"],
-        "metadrive-readings" => &["published_parent", "published_evolved", "preventable_parent", "preventable_evolved"],
-        "metadrive-gains" => {
-            &["floor_low", "floor_middle", "floor_high", "area_change", "over_random_proposals", "over_shuffled_labels"]
-        }
-        "safebench-main" => &["parent_ars", "evolved_ars", "attack_change_pct", "ars_change_pp", "pf_area_at_3_pct"],
-        "safebench-rounds" => &[
-            "straight_obstacle",
-            "turning_obstacle",
-            "lane_changing",
-            "vehicle_passing",
-            "red_light_running",
-            "unprotected_left_turn",
-            "right_turn",
-            "crossing_negotiation",
-            "average",
-        ],
-        "safebench-held-out" => &["parent_ars", "evolved_ars", "attack_change_pct", "ars_change_pp"],
-        "proposals" => &[
-            "readable_at_once_pct",
-            "declined_pct",
-            "refused_pct",
-            "not_simulated_pct",
-            "evaluated_pct",
-            "accepted_pct",
-            "attempts",
-        ],
-        "attack-only" | "without" => &[
-            "attack",
-            "realism",
-            "pf_area_at_3_pct",
-            "attack_change",
-            "attack_p_holm",
-            "realism_change",
-            "realism_p_holm",
-        ],
-        "kwidth" => &["simulated", "validated", "accepted_of_simulated_pct", "speedup", "attack", "realism"],
-        _ => return None,
-    };
-    Some(attacks.into_iter().chain(own.iter().copied()).chain(rest).collect())
+/// Which form a table takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Form {
+    /// Every column, in a long table; the form for a page stands beside it and is taken where `\evopage` is defined.
+    pub whole: bool,
+    /// The paper's rows under ours.
+    pub paper: bool,
 }
 
-/// The table with what fits the width of a page.
-pub fn of_a_page(table: &Table) -> Table {
-    of_a_page_alone(table.name).map_or_else(|| table.clone(), |keys| table.with(&keys))
-}
-
-/// A `table*` environment a part; the notes stand below the last.
-pub fn latex(table: &Table) -> String {
+/// The columns of a table as they are: as a float where they fit the width of a page, else as a long table.
+pub fn latex(table: &Table, form: Form) -> String {
     let mut out = String::from(HEAD);
-    let printed = table.printed();
-    for (at, one) in printed.iter().enumerate() {
-        let notes = if at + 1 == printed.len() { table.notes.as_slice() } else { &[] };
-        part(&mut out, table, one, notes);
+    if form.whole {
+        out.push_str(
+            "% \\newcommand{\\evopage}{} before \\input: the columns that fit a page alone\n\\ifdefined\\evopage\n",
+        );
+        let short = page::of_a_page(table);
+        short.printed().into_iter().for_each(|part| float(&mut out, &short, part, form));
+        out.push_str("\\else\n");
+        long(&mut out, table, form);
+        out.push_str("\\fi\n");
+    } else {
+        table.printed().into_iter().for_each(|part| float(&mut out, table, part, form));
     }
     out
 }
 
-fn part(out: &mut String, table: &Table, part: &Part, notes: &[String]) {
-    let intervals =
-        part.printed().flat_map(|row| &row.cells).any(|cell| cell.ours.is_some_and(|of| of.interval.is_some()));
-    let below = if intervals { ". Below a number: its 95\\,\\% bootstrap interval" } else { "" };
-    out.push_str("\\begin{table*}[!htbp]\n\\centering\n\\scriptsize\n\\setlength{\\tabcolsep}{3pt}\n");
-    out.push_str(&format!("\\caption{{{}{below}.}}\n", escaped(&part.title)));
-    out.push_str(&format!("\\label{{tab:evodrive-{}}}\n", part.name));
-    out.push_str("\\resizebox{\\linewidth}{!}{%\n");
-    let aligned = [(table.labels.len(), "l"), (table.columns.len() + table.counts.len(), "r"), (1, "l")];
-    let aligned: String = aligned.map(|(columns, side)| side.repeat(columns)).concat();
-    out.push_str(&format!("\\begin{{tabular}}{{{aligned}}}\n\\toprule\n"));
-    out.push_str(&group_heads(table));
-    let (before, after) = cells::outer_heads(table);
-    line(out, before.into_iter().chain(table.columns.iter().map(head)).chain(after).collect());
-    out.push_str("\\midrule\n");
-    cells::lines(table, part, &SPELLING).into_iter().for_each(|cells| line(out, cells));
-    out.push_str("\\bottomrule\n\\end{tabular}}\n");
-    let source = part.source.map(|label| format!("Of the paper: its table \\texttt{{{}}}.", escaped(label)));
-    for note in source.into_iter().chain(notes.iter().map(|note| escaped(note))) {
-        out.push_str(&format!("\\evonote{{{note}}}\n"));
+/// A float a part. Columns in which all rows say the same are in the caption.
+fn float(out: &mut String, table: &Table, part: &Part, form: Form) {
+    let labels = page::telling_labels(table);
+    let grid = grid(table, part, &labels, page::proposals_differ(table), form);
+    // Columns that were asked for and do not fit one line of the page stand in several tables below each other.
+    let blocks = blocks(&grid, labels.len());
+    let environment = if blocks.iter().all(Grid::fits_a_column) { "table" } else { "table*" };
+    out.push_str(&format!(
+        "\\begin{{{environment}}}[!htbp]\n\\centering\n\\footnotesize\n\\setlength{{\\tabcolsep}}{{3pt}}\n"
+    ));
+    title(out, table, part, &grid, "");
+    for (at, block) in blocks.iter().enumerate() {
+        out.push_str(if at == 0 { "" } else { "\\par\\medskip\n" });
+        block.tabular(out);
     }
-    out.push_str("\\end{table*}\n");
+    out.push_str(&format!("\\end{{{environment}}}\n"));
 }
 
-/// Heads over neighbouring columns of one group, with their rules; empty without groups.
-fn group_heads(table: &Table) -> String {
-    if table.columns.iter().all(|column| column.group.is_empty()) {
-        return String::new();
+/// A long table a part with all columns, a block of them below the other; the notes stand below the last.
+fn long(out: &mut String, table: &Table, form: Form) {
+    let labels: Vec<usize> = (0..table.labels.len()).collect();
+    out.push_str("{\\footnotesize\\setlength{\\tabcolsep}{3pt}\n");
+    for part in table.printed() {
+        let grid = grid(table, part, &labels, true, form);
+        for (at, block) in blocks(&grid, labels.len()).iter().enumerate() {
+            // A long table counts itself, also where it goes on with the one before.
+            out.push_str(if at == 0 { "" } else { "\\addtocounter{table}{-1}\n" });
+            let mut head = String::new();
+            if at == 0 {
+                title(&mut head, table, part, &grid, "-long");
+                head = format!("{}\\\\\n", head.trim_end());
+            }
+            block.longtable(out, &head);
+        }
+        if let Some(label) = part.source {
+            out.push_str(&format!("\\evonote{{Of the paper: its table \\texttt{{{}}}.}}\n", escaped(label)));
+        }
     }
-    let (mut cells, mut rules) = (vec![String::new(); table.labels.len()], String::new());
-    let mut first = table.labels.len() + 1;
-    for group in table.columns.chunk_by(|a, b| a.group == b.group) {
-        let last = first + group.len() - 1;
-        cells.push(format!("\\multicolumn{{{}}}{{c}}{{{}}}", group.len(), escaped(group[0].group)));
-        rules.push_str(&format!("\\cmidrule(lr){{{first}-{last}}}"));
-        first = last + 1;
+    for note in &table.notes {
+        out.push_str(&format!("\\evonote{{{}}}\n", escaped(note)));
     }
-    cells.extend(vec![String::new(); table.counts.len() + 1]);
-    let mut out = String::new();
-    line(&mut out, cells);
-    format!("{out}{rules}\n")
+    out.push_str("}\n");
 }
 
-fn head(column: &Column) -> String {
+fn title(out: &mut String, table: &Table, part: &Part, grid: &Grid, ending: &str) {
+    let below = if grid.has_intervals() { " Below a number: its 95\\,\\% interval." } else { "" };
+    let rests_on = escaped(&caption::rests_on(table));
+    out.push_str(&format!("\\evotitle{{{}{ending}}}{{{}.{rests_on}{below}}}\n", part.name, escaped(&part.title)));
+}
+
+fn grid(table: &Table, part: &Part, labels: &[usize], proposals: bool, form: Form) -> Grid {
+    let words = |head: &str| GridColumn { group: String::new(), head: escaped(head), arrow: "", is_text: true };
+    let counts = table.counts.iter().map(|count| GridColumn { is_text: false, ..words(count.head) });
+    let columns =
+        labels.iter().map(|at| words(table.labels[*at].head)).chain(table.columns.iter().map(head)).chain(counts);
+    let columns = columns.chain(proposals.then(|| words("Proposals"))).collect();
+    let both = |row: &Row| {
+        let paper = (form.paper && row.in_paper()).then(|| paper(row, labels, proposals));
+        [Some(ours(row, labels, proposals)), paper].into_iter().flatten()
+    };
+    Grid { columns, rows: part.printed().flat_map(both).collect() }
+}
+
+fn head(column: &Column) -> GridColumn {
     let arrow = match column.upward {
         Some(true) => "$\\uparrow$",
         Some(false) => "$\\downarrow$",
         None => "",
     };
-    format!("{}{arrow}", escaped(column.head))
+    GridColumn { group: escaped(column.group), head: escaped(column.head), arrow, is_text: false }
 }
 
-fn line(out: &mut String, cells: Vec<String>) {
-    out.push_str(&format!("{} \\\\\n", cells.join(" & ")));
+fn ours(row: &Row, labels: &[usize], proposals: bool) -> Vec<Cell> {
+    let mut cells: Vec<Cell> = labels.iter().map(|at| Cell::text(escaped(&row.labels[*at]))).collect();
+    cells.extend(row.cells.iter().map(|cell| match cell.ours {
+        None => Cell::text("--".into()),
+        Some(estimate) => Cell {
+            text: escaped(&cell.column.form.number(estimate.value)),
+            interval: estimate.interval.map(|interval| escaped(&cell.column.form.interval(interval))),
+        },
+    }));
+    cells.extend(row.counts.iter().map(|count| Cell::text(count.to_string())));
+    cells.extend(proposals.then(|| Cell::text(escaped(&row.proposals))));
+    cells
+}
+
+fn paper(row: &Row, labels: &[usize], proposals: bool) -> Vec<Cell> {
+    let mut cells = vec![Cell::text(String::new()); labels.len()];
+    cells[0] = Cell::text("\\quad\\textit{paper}".into());
+    cells.extend(row.cells.iter().map(|cell| match cell.paper {
+        Some(number) => Cell::text(format!("\\textit{{{}}}", escaped(&cell.column.form.number(number)))),
+        None => Cell::text("--".into()),
+    }));
+    cells.extend(vec![Cell::text(String::new()); row.counts.len() + usize::from(proposals)]);
+    cells
 }
 
 /// Text that LaTeX prints as it stands. A bracket is kept from being read as the option of a line's end.
@@ -162,58 +158,48 @@ pub fn escaped(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::metadrive_policy;
     use super::super::tests::{CAT, add, run};
-    use super::super::{NAMED, metadrive_policy, safebench_tests};
     use super::*;
 
-    /// A head of a column that is printed, with its group.
-    fn heads(table: &Table) -> Vec<(String, String)> {
-        let (before, after) = cells::outer_heads(table);
-        let outer = before.into_iter().chain(after).map(|head| (String::new(), head));
-        let of = |column: &Column| (column.group.to_string(), column.head.to_string());
-        outer.chain(table.columns.iter().map(of)).collect()
-    }
-
-    #[test]
-    fn what_fits_a_page_is_of_the_table_and_no_head_stands_twice() {
-        let mut metadrive = run("made", &[("actor", "scripted")]);
-        add(&mut metadrive, &CAT);
-        let safebench = safebench_tests::recorded_unseen();
-        let mut made = 0;
-        for (name, make) in NAMED {
-            let Some(table) = [&metadrive, &safebench].into_iter().find_map(|run| make(std::slice::from_ref(run)).ok())
-            else {
-                continue;
-            };
-            made += 1;
-            let all = heads(&table);
-            assert_eq!(all.iter().collect::<std::collections::BTreeSet<_>>().len(), all.len(), "{name}: {all:?}");
-            let page = of_a_page(&table);
-            assert!(heads(&page).len() <= 16, "{name}: {:?}", heads(&page));
-            if let Some(keys) = of_a_page_alone(name) {
-                let unknown: Vec<&&str> = keys.iter().filter(|key| !page.keys().contains(key)).collect();
-                // Some have no parent beside the evolved program, and every one counts its scenes under one of two names.
-                let general = ["parent_attack", "evolved_attack", "scenes", "held_out_scenes"];
-                assert!(unknown.iter().all(|key| general.contains(key)), "{name} has no {unknown:?}");
-                assert!(page.keys().len() < table.keys().len(), "{name}");
-            }
-            let text = latex(&page);
-            let body = text.lines().filter(|line| line.ends_with(" \\\\") && !line.contains("multicolumn"));
-            let cells: Vec<usize> = body.map(|line| line.matches(" & ").count() + 1).collect();
-            assert!(!cells.is_empty() && cells.iter().all(|count| *count == heads(&page).len()), "{name}: {cells:?}");
-        }
-        assert!(made >= 10, "{made} tables");
-    }
-
-    #[test]
-    fn a_caption_and_the_notes_are_text_that_latex_prints() {
+    fn made() -> Table {
         let mut made = run("mine_100%", &[("actor", "scripted")]);
         add(&mut made, &CAT);
-        let text = latex(&metadrive_policy(&[made]).unwrap());
-        let caption =
-            "\\caption{Policy-specific results in MetaDrive. Below a number: its 95\\,\\% bootstrap interval.}";
+        metadrive_policy(&[made]).unwrap()
+    }
+
+    #[test]
+    fn a_caption_says_what_the_numbers_rest_on_and_what_stands_below_them() {
+        let text = latex(&page::of_a_page(&made()), Form::default());
+        let caption = "\\evotitle{metadrive-policy}{Policy-specific results in MetaDrive. Pool: 6 scenes, 2 for evolution, 4 held out. \
+                       Ego: IDM. Proposals: a rule-based stand-in, no language model. Searches a row: 1 seed. Below a number: its \
+                       95\\,\\% interval.}";
         assert!(text.contains(caption), "{text}");
-        assert!(text.contains("\\evonote{Run mine\\_100\\%"), "{text}");
+    }
+
+    #[test]
+    fn the_papers_rows_stand_there_where_they_are_asked_for() {
+        let page = page::of_a_page(&made());
+        let rows = |form| latex(&page, form).matches("\\quad\\textit{paper}").count();
+        assert_eq!((rows(Form::default()), rows(Form { paper: true, ..Form::default() })), (0, 1));
+    }
+
+    #[test]
+    fn the_whole_form_has_every_column_the_notes_and_the_form_for_a_page_beside_it() {
+        let table = made();
+        let text = latex(&table, Form { whole: true, paper: false });
+        let (page, long) = text.split_once("\\else\n").unwrap();
+        assert!(page.contains("\\begin{table") && !page.contains("longtable}["), "{page}");
+        for part in ["\\label", "\\resizebox", "landscape"] {
+            assert!(!long.contains(part), "{part}");
+        }
+        for column in &table.columns {
+            // A head of two words stands in two lines.
+            assert!(column.head.split(' ').all(|word| long.contains(&escaped(word))), "{}", column.head);
+        }
+        assert!(long.contains("\\evonote{Run mine\\_100\\%") && long.contains("Rollouts"), "{long}");
+        let tables = long.matches("\\begin{longtable}").count();
+        assert!(tables > 1 && long.matches("\\addtocounter{table}{-1}").count() == tables - 1, "{long}");
     }
 
     #[test]

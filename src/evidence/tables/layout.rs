@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use super::bootstrap::Estimate;
 use super::key::RowKey;
 use super::paper::Figures;
+use crate::evidence::recorded_run::Setting;
 use crate::kernel::num;
 
 /// How a column's numbers are written, as the paper writes them.
@@ -165,6 +166,11 @@ pub struct RunSource {
     /// Role -> label of its model.
     pub models: BTreeMap<String, String>,
     pub scripted_roles: Vec<String>,
+    /// The egos of its lineages, each once.
+    pub egos: Vec<String>,
+    pub setting: Setting,
+    /// How often each of its searches was made.
+    pub seeds: usize,
     pub evolution_scenes: usize,
     pub held_out_scenes: usize,
     pub epochs: u32,
@@ -225,6 +231,31 @@ impl Table {
             row.cells.retain(|cell| keys.contains(&cell.column.key));
             let mut kept = is_kept.iter();
             row.counts.retain(|_| kept.next().copied().unwrap_or(false));
+        }
+        table
+    }
+
+    /// What rows are chosen by: their first label, and all of them with `/` between where that is no choice of one.
+    pub fn row_names(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        for row in self.rows().filter(|row| !row.missing()) {
+            names.extend([row.labels[0].clone(), row.labels.join("/")]);
+        }
+        let mut seen = std::collections::BTreeSet::new();
+        names.retain(|name| seen.insert(name.clone()));
+        names
+    }
+
+    /// The same with these rows alone, in the order of the names.
+    pub fn with_rows(&self, names: &[&str]) -> Table {
+        let mut table = self.clone();
+        let place = |row: &Row| {
+            let all = row.labels.join("/");
+            names.iter().position(|name| *name == row.labels[0] || *name == all)
+        };
+        for part in &mut table.parts {
+            part.rows.retain(|row| place(row).is_some());
+            part.rows.sort_by_key(|row| place(row));
         }
         table
     }

@@ -1,6 +1,6 @@
 //! What every table says of the runs that it was made from.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::{self, Estimate};
 use super::error::TableError;
@@ -9,7 +9,7 @@ use super::labels;
 use super::layout::{Column, Row, RunSource};
 use super::searches::{self, Repeated};
 use crate::evidence::recorded_run::RecordedRun;
-use crate::objects::event::ParentAdopted;
+use crate::objects::event::{LineageResult, ParentAdopted};
 use crate::text::counted;
 
 /// The runs as the JSON form lists them.
@@ -21,6 +21,9 @@ pub fn runs(runs: &[RecordedRun]) -> Result<Vec<RunSource>, TableError> {
             root: run.root.to_hex(),
             models: run.opened.models.clone(),
             scripted_roles: run.opened.scripted_roles().into_iter().map(String::from).collect(),
+            egos: egos(run),
+            setting: run.declared.setting.clone(),
+            seeds: seeds(&result.lineages),
             evolution_scenes: run.opened.evolution_scenes.len(),
             held_out_scenes: run.opened.held_out_scenes.len(),
             epochs: result.epochs,
@@ -29,6 +32,19 @@ pub fn runs(runs: &[RecordedRun]) -> Result<Vec<RunSource>, TableError> {
         })
     };
     runs.iter().map(source).collect()
+}
+
+/// The most repetitions of a search.
+fn seeds(lineages: &[LineageResult]) -> usize {
+    let mut searches: BTreeMap<(&str, &str), usize> = BTreeMap::new();
+    lineages.iter().for_each(|of| *searches.entry((of.group.as_str(), of.ego.as_str())).or_default() += 1);
+    searches.into_values().max().unwrap_or(0)
+}
+
+/// The egos of a run's lineages as tables call them.
+fn egos(run: &RecordedRun) -> Vec<String> {
+    let named: BTreeSet<String> = run.parents.iter().map(|parent| labels::policy(run, &parent.ego)).collect();
+    named.into_iter().collect()
 }
 
 /// What the intervals of a table are, drawn over these units.

@@ -1,0 +1,84 @@
+//! An experiment in the words of a caption: who simulates, where its scenes come from, and which contacts it counts as attacks.
+
+use std::collections::BTreeSet;
+
+use crate::evaluation::{AttackOptions, ContactClass, EvaluationOptions};
+use crate::evidence::Setting;
+use crate::experiment::{Experiment, SceneSource};
+
+/// What a caption says of it.
+pub fn of(experiment: &Experiment) -> Setting {
+    let simulator = match &experiment.simulator.backend {
+        None => "EvoDrive's own simulator".to_string(),
+        Some(backend) => format!("{} {}", backend.name, backend.version),
+    };
+    let pool = match &experiment.scenes {
+        SceneSource::Synth { .. } => "generated scenes",
+        SceneSource::Safebench { .. } => "SafeBench's traffic families on generated roads",
+        SceneSource::Files { .. } | SceneSource::Pool { .. } => "scenes of the experimenter's own",
+    };
+    let reading = match &experiment.evaluation {
+        EvaluationOptions::Metadrive(options) => reading(&options.attack),
+        EvaluationOptions::Safebench { .. } => "collision rate times lost overall score".into(),
+    };
+    Setting { simulator, pool: pool.into(), reading }
+}
+
+/// Which contacts are attacks. The three readings that the tables set side by side have their words, any other is told by its classes.
+fn reading(options: &AttackOptions) -> String {
+    if options.when.is_some() {
+        return "an expression of the experiment's own".into();
+    }
+    let all: BTreeSet<ContactClass> = ContactClass::ALL.into_iter().collect();
+    let preventable: BTreeSet<ContactClass> =
+        ContactClass::ALL.into_iter().filter(|class| class.could_be_prevented(Some(true))).collect();
+    let caused: BTreeSet<ContactClass> =
+        [ContactClass::EgoStrikes, ContactClass::EgoSideswipes, ContactClass::StationaryHit].into_iter().collect();
+    let either = options.counts.union(&options.counts_if_avoidable).copied().collect::<BTreeSet<_>>();
+    if options.counts == all {
+        "every contact that the program brings about".into()
+    } else if options.counts.is_empty() && options.counts_if_avoidable == preventable {
+        "contacts that the ego could have prevented".into()
+    } else if options.counts == caused && either == all {
+        "contacts that the ego caused or could have avoided".into()
+    } else {
+        let names = |of: &BTreeSet<ContactClass>| of.iter().map(|class| class.name()).collect::<Vec<_>>().join(", ");
+        match (options.counts.is_empty(), options.counts_if_avoidable.is_empty()) {
+            (false, true) => format!("contacts of the classes {}", names(&options.counts)),
+            (true, _) => format!("avoidable contacts of the classes {}", names(&options.counts_if_avoidable)),
+            (false, false) => format!(
+                "contacts of the classes {}; where avoidable, {}",
+                names(&options.counts),
+                names(&options.counts_if_avoidable)
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options(counts: &[ContactClass], if_avoidable: &[ContactClass]) -> AttackOptions {
+        AttackOptions {
+            counts: counts.iter().copied().collect(),
+            counts_if_avoidable: if_avoidable.iter().copied().collect(),
+            when: None,
+        }
+    }
+
+    #[test]
+    fn each_reading_of_the_shipped_searches_has_its_words_and_any_other_its_classes() {
+        let all = ContactClass::ALL;
+        let no_rams: Vec<ContactClass> =
+            all.into_iter().filter(|class| *class != ContactClass::RearEndEgoStruck).collect();
+        let caused = [ContactClass::EgoStrikes, ContactClass::EgoSideswipes, ContactClass::StationaryHit];
+        let others: Vec<ContactClass> = all.into_iter().filter(|class| !caused.contains(class)).collect();
+        assert_eq!(reading(&options(&all, &[])), "every contact that the program brings about");
+        assert_eq!(reading(&options(&[], &no_rams)), "contacts that the ego could have prevented");
+        assert_eq!(reading(&options(&caused, &others)), "contacts that the ego caused or could have avoided");
+        // Rams from behind that count where avoidable are another reading.
+        assert!(reading(&options(&[], &all)).starts_with("avoidable contacts of the classes "));
+        assert_eq!(reading(&options(&[ContactClass::CutIn], &[])), "contacts of the classes cut_in");
+    }
+}

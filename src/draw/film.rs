@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
 use super::drawing::Drawing;
+use super::lettering::Letters;
 use super::svg::{Frame, SvgOptions, Theme, View, colour, labels, moment};
 use crate::kernel::Threads;
 
@@ -123,24 +124,12 @@ impl Sheet<'_> {
         for (x, role) in self.key() {
             sheet.write((x + SWATCH_PX, below), role.label(), ink);
         }
-        let mut taken: Vec<[usize; 3]> = Vec::new();
-        for label in labels(drawing, view, step) {
-            let letters = label.text.chars().count();
-            let (left, right) = (label.x as usize, label.x as usize + letters * get_raster_width(WEIGHT, LETTER));
-            let mut top = ((head as f64 + label.y) as usize).saturating_sub(LINE_PX - 5);
-            // Words upon words cannot be read: the later one stands above.
-            while let Some(under) = taken.iter().find(|[l, r, t]| left < *r && *l < right && top.abs_diff(*t) < LINE_PX)
-            {
-                top = under[2].saturating_sub(LINE_PX);
-                if top < head {
-                    break;
-                }
-            }
-            if top >= head {
-                taken.push([left, right, top]);
-                sheet.veil((left, top), letters, ground);
-                sheet.write((left, top), &label.text, ink);
-            }
+        let letter = get_raster_width(WEIGHT, LETTER);
+        let letters = Letters { advance_px: letter as f64, line_px: LINE_PX as f64 };
+        for label in labels(drawing, view, step, false, letters) {
+            let place = (label.x.max(0.0) as usize, (head as f64 + label.y).max(13.0) as usize - 13);
+            sheet.veil(place, label.text.chars().count(), ground);
+            sheet.write(place, &label.text, ink);
         }
         Ok(sheet.rgb)
     }

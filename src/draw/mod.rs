@@ -7,6 +7,7 @@ mod figure;
 mod figure_pdf;
 mod film;
 mod helvetica;
+mod lettering;
 mod panel;
 mod player;
 mod strip;
@@ -23,7 +24,7 @@ pub use film::{Film, FilmError, FilmOptions, film, gif};
 pub use helvetica::{width, wrapped};
 pub use panel::{Panel, colour, panel};
 pub use player::{PLAYER_CSS, PLAYER_JS, beside_html, escaped, player_html, players_below, players_html, script_json};
-pub use strip::{StripOptions, even_steps, strip, strip_figure};
+pub use strip::{StripOptions, even_steps, strip, strip_figure, strips};
 pub use svg::{Frame, SvgOptions, Theme, svg};
 
 #[cfg(test)]

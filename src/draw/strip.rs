@@ -8,7 +8,7 @@ use super::figure::{Anchor, Figure};
 use super::helvetica::wrapped;
 use super::panel::{Panel, panel};
 use super::player::escaped;
-use super::svg::{Frame, SvgOptions, Theme, View, key_of_roles, moment};
+use super::svg::{Frame, SvgOptions, Theme, View, key_of_roles, told_moment};
 
 /// How a strip is made.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,6 +40,19 @@ pub fn even_steps(first: usize, last: usize, count: usize) -> Vec<usize> {
     steps
 }
 
+/// The panels before the contact show it closely: so many at the end of a strip, this wide, metres.
+const CLOSE_PANELS: usize = 2;
+const CLOSE_M: f64 = 36.0;
+
+/// What the panel at a place of the strip shows: the last ones the contact, where there is one and others come before them.
+fn view_of(drawing: &Drawing, options: &StripOptions, whole: &View, place: usize) -> View {
+    let close = options.steps.len() > CLOSE_PANELS && place + CLOSE_PANELS >= options.steps.len();
+    match drawing.contact.as_ref().filter(|_| close) {
+        Some(contact) => whole.zoomed(contact.point, CLOSE_M.min(whole.width_m())),
+        None => whole.zoomed(whole.middle(), whole.width_m()),
+    }
+}
+
 /// Sizes of a strip on paper, points: of letters, between panels, and of the line below them.
 const LETTERS_PT: f64 = 7.5;
 const GAP_PT: f64 = 5.0;
@@ -56,6 +69,7 @@ pub fn strip_figure(drawing: &Drawing, options: &StripOptions) -> Figure {
     let mut sheet = Figure::new(count * (wide + GAP_PT) - GAP_PT, high + CAPTION_PT, title);
     for (k, step) in options.steps.iter().enumerate() {
         let left = k as f64 * (wide + GAP_PT);
+        let view = view_of(drawing, options, &view, k);
         let of = Panel { place: [left, 0.0, wide, high], middle: view.middle(), width_m: view.width_m(), step: *step };
         panel(&mut sheet, drawing, &of);
         let at = (left + 0.5 * wide, high + 9.0);
@@ -86,12 +100,22 @@ fn panel_options(options: &StripOptions) -> SvgOptions {
 
 /// The strip as a stand-alone SVG document. The same drawing and options give the same bytes.
 pub fn strip(drawing: &Drawing, options: &StripOptions) -> String {
+    strips(&[(String::new(), drawing)], options)
+}
+
+/// Several drawings of one scene below each other, each under its line, all panels of a column at one moment and of one part of the
+/// world: what a program does beside what its parent does.
+pub fn strips(rows: &[(String, &Drawing)], options: &StripOptions) -> String {
     let panel = panel_options(options);
-    let view = View::of(drawing, &panel);
+    let all = together(rows);
+    let view = View::of(&all, &panel);
     let colours = options.theme.palette();
     let (w, h) = (view.width_px, view.height_px);
     let count = options.steps.len().max(1) as f64;
-    let (width, height) = (count * (w + GAP_PX) - GAP_PX, h + CAPTION_PX + FOOT_PX);
+    let head = if rows.iter().any(|(line, _)| !line.is_empty()) { CAPTION_PX } else { 0.0 };
+    let row_px = head + h + GAP_PX;
+    let below = rows.len() as f64 * row_px - GAP_PX;
+    let (width, height) = (count * (w + GAP_PX) - GAP_PX, below + CAPTION_PX + FOOT_PX);
     let mut out = String::new();
     let _ = write!(
         out,
@@ -101,33 +125,44 @@ pub fn strip(drawing: &Drawing, options: &StripOptions) -> String {
         escaped(if options.title.is_empty() { "driving scene" } else { &options.title }),
         colours.panel
     );
-    for (k, step) in options.steps.iter().enumerate() {
-        let x = k as f64 * (w + GAP_PX);
-        let _ = write!(
-            out,
-            "<svg x=\"{x:.0}\" y=\"0\" width=\"{w:.0}\" height=\"{h:.0}\" viewBox=\"0 0 {w:.0} {h:.0}\" overflow=\"hidden\">\n\
-             <rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n",
-            colours.ground
-        );
-        moment(&mut out, drawing, &view, &panel, *step);
-        out.push_str("</svg>\n");
-        let _ = writeln!(
-            out,
-            "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"13\" text-anchor=\"middle\" fill=\"{}\">t = {:.1} s</text>",
-            x + 0.5 * w,
-            h + 16.0,
-            colours.text,
-            *step as f64 * drawing.dt_s
-        );
+    for (nth, (line, drawing)) in rows.iter().enumerate() {
+        let top = nth as f64 * row_px + head;
+        if !line.is_empty() {
+            text(&mut out, (2.0, top - 7.0), "start", colours.text, line);
+        }
+        for (k, step) in options.steps.iter().enumerate() {
+            let _ = write!(
+                out,
+                "<svg x=\"{:.0}\" y=\"{top:.0}\" width=\"{w:.0}\" height=\"{h:.0}\" viewBox=\"0 0 {w:.0} {h:.0}\" overflow=\"hidden\">\n\
+                 <rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n",
+                k as f64 * (w + GAP_PX),
+                colours.ground
+            );
+            told_moment(&mut out, drawing, &view_of(&all, options, &view, k), &panel, *step);
+            out.push_str("</svg>\n");
+        }
     }
-    let _ = writeln!(
-        out,
-        "<text x=\"2\" y=\"{:.1}\" font-size=\"13\" fill=\"{}\">{}</text>",
-        h + CAPTION_PX + 16.0,
-        colours.text,
-        escaped(&options.title)
-    );
-    key_of_roles(&mut out, drawing, options.theme, (2.0, h + CAPTION_PX + 34.0));
+    for (k, step) in options.steps.iter().enumerate() {
+        let middle = k as f64 * (w + GAP_PX) + 0.5 * w;
+        let said = format!("t = {:.1} s", *step as f64 * all.dt_s);
+        text(&mut out, (middle, below + 16.0), "middle", colours.text, &said);
+    }
+    text(&mut out, (2.0, below + CAPTION_PX + 16.0), "start", colours.text, &options.title);
+    key_of_roles(&mut out, &all, options.theme, (2.0, below + CAPTION_PX + 34.0));
     out.push_str("</svg>\n");
     out
+}
+
+fn text(out: &mut String, (x, y): (f64, f64), anchor: &str, fill: &str, words: &str) {
+    let anchor = if anchor == "start" { String::new() } else { format!(" text-anchor=\"{anchor}\"") };
+    let words = escaped(words);
+    let _ = writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"13\"{anchor} fill=\"{fill}\">{words}</text>");
+}
+
+/// Everybody of all rows, and the first contact of any: what the part of the world that is shown goes by.
+fn together(rows: &[(String, &Drawing)]) -> Drawing {
+    let Some((_, first)) = rows.first() else { return Drawing::default() };
+    let actors = rows.iter().flat_map(|(_, drawing)| drawing.actors.iter().cloned()).collect();
+    let contact = rows.iter().find_map(|(_, drawing)| drawing.contact.clone());
+    Drawing { actors, contact, ..(*first).clone() }
 }

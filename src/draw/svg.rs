@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 
-use super::drawing::{Actor, Drawing, LineStyle, Role};
+use super::drawing::{Actor, Contact, Drawing, LineStyle, Role};
+use super::lettering::{Label, Letters, Wanted, placed};
 use super::player::escaped;
 use crate::kernel::{OrientedBox, Vec2};
 use crate::scene::LightState;
@@ -133,7 +134,11 @@ pub fn svg(drawing: &Drawing, options: &SvgOptions) -> String {
     );
     let step = options.step.unwrap_or(drawing.current_step).min(drawing.steps.saturating_sub(1));
     scenery(&mut out, drawing, &view, options, step);
-    draw_contact(&mut out, drawing, &view, &palette);
+    // One picture of a scene marks the contact whenever it happens.
+    draw_contact(&mut out, drawing, &view);
+    let words =
+        Drawing { contact: drawing.contact.clone().map(|contact| Contact { step: 0, ..contact }), ..drawing.clone() };
+    draw_labels(&mut out, &labels(&words, &view, step, options.labels, LETTERS), &palette);
     draw_legend(&mut out, drawing, &view, options, &palette, step);
     out.push_str("</svg>\n");
     out
@@ -154,12 +159,20 @@ fn scenery(out: &mut String, drawing: &Drawing, view: &View, options: &SvgOption
     }
 }
 
-/// One moment in a strip: the contact is marked from when it happens.
+/// One moment without words: the contact is marked from when it happens.
 pub(super) fn moment(out: &mut String, drawing: &Drawing, view: &View, options: &SvgOptions, step: usize) {
     scenery(out, drawing, view, options, step);
     if drawing.contact.as_ref().is_some_and(|contact| step >= contact.step) {
-        draw_contact(out, drawing, view, &options.theme.palette());
+        draw_contact(out, drawing, view);
     }
+}
+
+/// One moment in a strip, with its words and how long a round length is in it.
+pub(super) fn told_moment(out: &mut String, drawing: &Drawing, view: &View, options: &SvgOptions, step: usize) {
+    moment(out, drawing, view, options, step);
+    let palette = options.theme.palette();
+    draw_labels(out, &labels(drawing, view, step, options.labels, LETTERS), &palette);
+    draw_scale(out, view, &palette, (10.0, view.height_px - 10.0), "");
 }
 
 /// The roles that occur with their colours, in one line from a place on, pixels.
@@ -243,6 +256,13 @@ impl View {
         let spare = (grown - size) * 0.5;
         let scale = width_px / grown.x;
         View { low: low - spare, high: high + spare, scale, width_px, height_px: grown.y * scale }
+    }
+
+    /// The same panel with another part of the world: `width_m` from its left to its right side around a place.
+    pub(super) fn zoomed(&self, centre: Vec2, width_m: f64) -> View {
+        let half = Vec2::new(width_m, width_m * self.height_px / self.width_px) * 0.5;
+        let (low, high) = (centre - half, centre + half);
+        View { low, high, scale: self.width_px / width_m, width_px: self.width_px, height_px: self.height_px }
     }
 
     /// What lies in its middle, metres.
@@ -388,83 +408,120 @@ fn draw_actor(out: &mut String, actor: &Actor, view: &View, step: usize, options
     if !view.shows(&[centre]) {
         return;
     }
-    let shape = OrientedBox::new(centre, *heading, actor.length_m, actor.width_m);
+    let grown = grown(actor, view);
+    let shape = OrientedBox::new(centre, *heading, grown * actor.length_m, grown * actor.width_m);
+    let (on_foot, two_wheels) =
+        (actor.length_m < ON_FOOT_M, actor.length_m >= ON_FOOT_M && actor.width_m < TWO_WHEELS_M);
     let corners = shape.corners();
     let fill = colour(actor.role, options.theme);
     let lead = leading(actor.role);
     let ghost = actor.role == Role::Ghost;
+    let (x, y) = view.at(centre);
+    let (l, w) = (shape.half_length_m * view.scale, shape.half_width_m * view.scale);
+    let outline = match (on_foot, two_wheels) {
+        (true, _) => format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{w:.1}\""),
+        (_, true) => format!(
+            "<ellipse cx=\"{x:.1}\" cy=\"{y:.1}\" rx=\"{l:.1}\" ry=\"{w:.1}\" transform=\"rotate({:.1} {x:.1} {y:.1})\"",
+            -heading.to_degrees()
+        ),
+        _ => format!("<path d=\"{}Z\"", view.path(&corners)),
+    };
     let _ = writeln!(
         out,
-        "<path d=\"{}Z\" fill=\"{fill}\" fill-opacity=\"{}\" stroke=\"{}\" stroke-width=\"{:.1}\" stroke-linejoin=\"round\"/>",
-        view.path(&corners),
+        "{outline} fill=\"{fill}\" fill-opacity=\"{}\" stroke=\"{}\" stroke-width=\"{:.1}\" stroke-linejoin=\"round\"/>",
         if ghost { 0.35 } else { 1.0 },
         palette.outline,
         if lead { 1.6 } else { 0.8 }
     );
-    // A windscreen says which way it goes.
-    if actor.length_m > 1.4 {
+    // A windscreen says which way it goes, a rider sits in the middle.
+    if two_wheels {
+        let (x, y) = view.at(centre);
+        let r = 0.55 * shape.half_width_m * view.scale;
+        let _ = writeln!(out, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{r:.1}\" fill=\"{}\"/>", palette.outline);
+    } else if actor.length_m > 1.4 {
         let (l, w) = (shape.half_length_m, 0.78 * shape.half_width_m);
         let ahead = |along: f64, aside: f64| centre + shape.axis * along + shape.axis.left() * aside;
         let pane = [ahead(0.5 * l, w), ahead(0.5 * l, -w), ahead(0.2 * l, -w), ahead(0.2 * l, w)];
         let _ = writeln!(out, "<path d=\"{}Z\" fill=\"{}\" fill-opacity=\"0.75\"/>", view.path(&pane), palette.outline);
     }
-    if let Some(Label { x, y, text }) = label(actor, view, step).filter(|_| lead || options.labels) {
-        let size = if lead { 13.0 } else { 10.0 };
+}
+
+/// How often larger than it is somebody small is drawn, so that it is seen from afar.
+fn grown(actor: &Actor, view: &View) -> f64 {
+    let least_px = if actor.length_m < ON_FOOT_M { ON_FOOT_PX } else { TWO_WHEELS_PX };
+    if actor.length_m < SMALL_M { (least_px / (actor.width_m * view.scale).max(0.1)).max(1.0) } else { 1.0 }
+}
+
+/// Boxes below these lengths are those of people on foot, and of anybody small; boxes below this width have two wheels.
+const ON_FOOT_M: f64 = 1.2;
+const SMALL_M: f64 = 2.5;
+const TWO_WHEELS_M: f64 = 1.2;
+/// Least widths of a person and of a two-wheeler in a picture.
+const ON_FOOT_PX: f64 = 7.0;
+const TWO_WHEELS_PX: f64 = 6.0;
+
+/// Who somebody is and how fast, beside where it is at a step; `None` where it is not in sight.
+fn named(actor: &Actor, view: &View, step: usize) -> Option<Wanted> {
+    let [x, y, _, speed] = (*actor.samples.get(step)?)?;
+    let at = view.at(Vec2::new(x, y));
+    let inside = (0.0..view.width_px).contains(&at.0) && (0.0..view.height_px).contains(&at.1);
+    let reach_px = 0.6 * view.stroke(actor.width_m, 6.0) + 2.0;
+    let needed = leading(actor.role);
+    inside.then(|| Wanted { at, reach_px, text: format!("{} {speed:.1} m/s", actor.label), needed })
+}
+
+/// The words that a picture of a step has: of the main road users in sight, or of all, and of the contact from when it happens.
+pub(super) fn labels(drawing: &Drawing, view: &View, step: usize, all: bool, letters: Letters) -> Vec<Label> {
+    let mut wanted: Vec<Wanted> = drawing
+        .actors
+        .iter()
+        .filter(|actor| leading(actor.role))
+        .filter_map(|actor| named(actor, view, step))
+        .collect();
+    let mut kept_free = Vec::new();
+    if let Some(contact) = drawing.contact.as_ref().filter(|contact| step >= contact.step) {
+        let (x, y) = view.at(contact.point);
+        if (0.0..view.width_px).contains(&x) && (0.0..view.height_px).contains(&y) {
+            kept_free.push([x - CONTACT_PX, y - CONTACT_PX, x + CONTACT_PX, y + CONTACT_PX]);
+            wanted.push(Wanted { at: (x, y), reach_px: CONTACT_PX, text: contact.label.clone(), needed: true });
+        }
+    }
+    if all {
+        let others = drawing.actors.iter().filter(|actor| !leading(actor.role));
+        wanted.extend(others.filter_map(|actor| named(actor, view, step)));
+    }
+    kept_free.push([0.0, view.height_px - 30.0, SCALE_SHARE * view.width_px + 60.0, view.height_px]);
+    placed(&wanted, (view.width_px, view.height_px), letters, &kept_free)
+}
+
+/// Letters of a picture's words, and how far the mark of a contact reaches.
+pub(super) const LETTERS: Letters = Letters { advance_px: 7.3, line_px: 16.0 };
+const CONTACT_PX: f64 = 22.0;
+
+fn draw_labels(out: &mut String, labels: &[Label], palette: &Palette) {
+    for Label { x, y, text } in labels {
         let _ = writeln!(
             out,
-            "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\" font-weight=\"{}\" fill=\"{}\" stroke=\"{}\" \
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"13\" font-weight=\"600\" fill=\"{}\" stroke=\"{}\" \
              stroke-width=\"3\" paint-order=\"stroke\">{}</text>",
-            if lead { 600 } else { 400 },
             palette.text,
             palette.ground,
-            escaped(&text)
+            escaped(text)
         );
     }
 }
 
-/// Words at a place of a picture, pixels: the left end of their base line.
-pub(super) struct Label {
-    pub(super) x: f64,
-    pub(super) y: f64,
-    pub(super) text: String,
-}
-
-/// Who somebody is and how fast, beside where it is at a step.
-fn label(actor: &Actor, view: &View, step: usize) -> Option<Label> {
-    let [x, y, _, speed] = (*actor.samples.get(step)?)?;
-    let ((px, py), aside) = (view.at(Vec2::new(x, y)), 0.6 * view.stroke(actor.width_m, 6.0));
-    Some(Label { x: px + aside + 4.0, y: py - aside - 3.0, text: format!("{} {speed:.1} m/s", actor.label) })
-}
-
-/// The labels that a picture of a step has: those of the main road users in sight, and that of the contact from when it happens.
-pub(super) fn labels(drawing: &Drawing, view: &View, step: usize) -> Vec<Label> {
-    let inside = |label: &Label| (0.0..view.width_px).contains(&label.x) && (0.0..view.height_px).contains(&label.y);
-    let main = drawing.actors.iter().filter(|actor| leading(actor.role)).filter_map(|actor| label(actor, view, step));
-    let met = drawing.contact.as_ref().filter(|contact| step >= contact.step).map(|contact| {
-        let (x, y) = view.at(contact.point);
-        Label { x: x + 18.0, y: y + 24.0, text: contact.label.clone() }
-    });
-    main.chain(met).filter(inside).collect()
-}
-
-fn draw_contact(out: &mut String, drawing: &Drawing, view: &View, palette: &Palette) {
+fn draw_contact(out: &mut String, drawing: &Drawing, view: &View) {
     let Some(contact) = &drawing.contact else { return };
     let (x, y) = view.at(contact.point);
     let _ = writeln!(
         out,
         "<g stroke=\"#d7191c\" stroke-width=\"2.5\" fill=\"none\"><circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"13\"/>\
-         <path d=\"M{0:.1} {y:.1}h12M{1:.1} {y:.1}h12M{x:.1} {2:.1}v12M{x:.1} {3:.1}v12\"/></g>\n\
-         <text x=\"{4:.1}\" y=\"{5:.1}\" font-size=\"13\" font-weight=\"600\" fill=\"{6}\" stroke=\"{7}\" \
-         stroke-width=\"3\" paint-order=\"stroke\">{8}</text>",
+         <path d=\"M{0:.1} {y:.1}h12M{1:.1} {y:.1}h12M{x:.1} {2:.1}v12M{x:.1} {3:.1}v12\"/></g>",
         x - 22.0,
         x + 10.0,
         y - 22.0,
         y + 10.0,
-        x + 18.0,
-        y + 24.0,
-        palette.text,
-        palette.ground,
-        escaped(&contact.label)
     );
 }
 
@@ -498,16 +555,25 @@ fn draw_legend(out: &mut String, drawing: &Drawing, view: &View, options: &SvgOp
         let label = if count > 1 { format!("{} ({count})", role.label()) } else { role.label().to_string() };
         out.push_str(&text(46.0, y + 9.5, 12.0, 400, &label));
     }
-    // A round length of about a fifth of the width.
-    let reach = 0.2 * view.width_px / view.scale;
+    draw_scale(out, view, palette, (22.0, view.height_px - 22.0), &format!(", t = {seconds:.1} s"));
+}
+
+/// Share of the picture's width that the bar of its scale has at most.
+const SCALE_SHARE: f64 = 0.2;
+
+/// A bar of a round length with its words from a place on.
+fn draw_scale(out: &mut String, view: &View, palette: &Palette, (x, y): (f64, f64), behind: &str) {
+    let reach = SCALE_SHARE * view.width_px / view.scale;
     let length =
         [500.0, 200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0].into_iter().find(|l| *l <= reach).unwrap_or(1.0);
-    let (x, y, px) = (22.0, view.height_px - 22.0, length * view.scale);
+    let px = length * view.scale;
     let _ = writeln!(
         out,
-        "<path d=\"M{x} {0}v6h{px:.1}v-6\" fill=\"none\" stroke=\"{1}\" stroke-width=\"2\"/>",
+        "<path d=\"M{x} {0}v6h{px:.1}v-6\" fill=\"none\" stroke=\"{1}\" stroke-width=\"2\"/>\
+         <text x=\"{2:.1}\" y=\"{3:.1}\" font-size=\"12\" fill=\"{1}\">{length:.0} m{behind}</text>",
         y - 6.0,
-        palette.text
+        palette.text,
+        x + px + 8.0,
+        y + 2.0,
     );
-    out.push_str(&text(x + px + 8.0, y + 2.0, 12.0, 400, &format!("{length:.0} m, t = {seconds:.1} s")));
 }

@@ -116,16 +116,72 @@ fn a_strip_shows_each_moment_once_in_its_own_panel_and_the_contact_from_when_it_
         steps,
         title: "a <strip>".into(),
     };
-    let picture = strip(&drawing, &of(vec![10, 20, 30]));
+    let picture = strip(&drawing, &of(vec![10, 15, 20, 30]));
     assert!(elements(&picture) > 100 && picture.contains("a &lt;strip&gt;"));
-    assert_eq!(moments(&picture), ["1.0", "2.0", "3.0"]);
+    assert_eq!(moments(&picture), ["1.0", "1.5", "2.0", "3.0"]);
     let panels: Vec<&str> = picture.split("<svg x=").skip(1).map(|rest| rest.split("</svg>").next().unwrap()).collect();
-    assert_eq!(panels.iter().map(|panel| panel.contains("the contact")).collect::<Vec<_>>(), [false, true, true]);
-    // Panels differ by where the road users are, not by the part of the world: the road's edges are drawn at the same places.
+    let marked = panels.iter().map(|panel| panel.contains("the contact") && panel.contains("#d7191c"));
+    assert_eq!(marked.collect::<Vec<_>>(), [false, false, true, true]);
+    // The first panels show one part of the world, in which the road's edges are drawn at the same places, the last two the contact closely.
     let road =
         |panel: &str| panel.lines().filter(|line| line.contains("#5d6672")).map(String::from).collect::<Vec<_>>();
     assert!(!road(panels[0]).is_empty() && road(panels[0]) == road(panels[1]) && panels[0] != panels[1]);
-    assert_eq!(strip(&drawing, &of(vec![10, 20, 30])), picture, "the same bytes");
+    assert!(road(panels[2]) == road(panels[3]) && road(panels[1]) != road(panels[2]));
+    let metres =
+        |panel: &str| panel.split(" m</text>").next().unwrap().rsplit('>').next().unwrap().parse::<f64>().unwrap();
+    assert!(metres(panels[0]) > metres(panels[3]), "each panel has the bar of its own scale");
+    assert_eq!(strip(&drawing, &of(vec![10, 15, 20, 30])), picture, "the same bytes");
+    // Without a contact nothing is shown closely.
+    drawing.contact = None;
+    let whole = strip(&drawing, &of(vec![10, 15, 20, 30]));
+    let panels: Vec<&str> = whole.split("<svg x=").skip(1).map(|rest| rest.split("</svg>").next().unwrap()).collect();
+    assert_eq!(road(panels[1]), road(panels[3]));
+}
+
+/// Places and words of the texts of a panel.
+fn words(panel: &str) -> Vec<(f64, f64, String)> {
+    let number = |line: &str, key: &str| -> f64 {
+        line.split(&format!(" {key}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
+    };
+    let of = |line: &str| {
+        let said = line.rsplit_once("</text>")?.0.rsplit_once('>')?.1.to_string();
+        Some((number(line, "x"), number(line, "y"), said))
+    };
+    panel.lines().filter(|line| line.starts_with("<text")).filter_map(of).collect()
+}
+
+#[test]
+fn somebody_small_has_a_glyph_that_is_seen_and_words_stay_in_every_panel() {
+    let mut drawing = Drawing::of_scene(&scene(WorldKind::Merge));
+    let ego = drawing.actors.iter().find(|actor| actor.role == Role::Ego).unwrap().clone();
+    let (met, there) = (25, ego.samples[25].map(|s| Vec2::new(s[0], s[1])).unwrap());
+    let rider = Actor { label: "inserted cyclist".into(), role: Role::Adversary, length_m: 1.8, width_m: 0.7, ..ego };
+    drawing.actors.push(rider);
+    drawing.contact = Some(Contact { step: met, point: there, label: "contact, 20.5 m/s".into() });
+    let options = StripOptions {
+        panel_px: 320.0,
+        theme: Theme::Light,
+        frame: Frame::Around(60.0),
+        steps: vec![10, 15, 20, met],
+        title: String::new(),
+    };
+    let rows = [("Parent".to_string(), &drawing), ("Evolved".to_string(), &drawing)];
+    let picture = strips(&rows, &options);
+    assert!(picture.contains(">Parent</text>") && picture.contains(">Evolved</text>"));
+    let panels: Vec<&str> = picture.split("<svg x=").skip(1).map(|rest| rest.split("</svg>").next().unwrap()).collect();
+    assert_eq!(panels.len(), 8);
+    let height: f64 = panels[0].split(" height=\"").nth(1).unwrap().split('"').next().unwrap().parse().unwrap();
+    for panel in &panels {
+        let glyph = panel.lines().find(|line| line.starts_with("<ellipse")).expect("a rider is no box");
+        let breadth: f64 = glyph.split(" ry=\"").nth(1).unwrap().split('"').next().unwrap().parse().unwrap();
+        assert!(breadth >= 2.9, "{glyph}");
+        let words = words(panel);
+        assert!(words.iter().any(|(.., said)| said.starts_with("inserted cyclist")), "{words:?}");
+        for (x, y, said) in &words {
+            let right = x + 7.3 * said.chars().count() as f64;
+            assert!(*x >= 0.0 && right <= 320.0 && *y > 8.0 && *y <= height, "{said} at {x}, {y}");
+        }
+    }
 }
 
 #[test]

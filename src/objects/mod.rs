@@ -29,7 +29,7 @@ pub use attempt::*;
 pub use card::{Card, CardKind};
 pub use composition::{Composed, Composition};
 pub use counsel::{Counsel, Counselled};
-pub use diff::{Surface, edit_categories, program_diff};
+pub use diff::{Surface, edit_categories, program_diff, program_text};
 pub use entry::Entry;
 pub use ids::{AttemptId, CardId, FamilyName, LineageId, SolutionId};
 pub use origin::{HandOrigin, Origin, RunOrigin};

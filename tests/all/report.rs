@@ -2,7 +2,7 @@
 
 use evodrive::archive::SelectorOptions;
 use evodrive::evidence::RecordedRun;
-use evodrive::evidence::report::{Beside, Stage, html};
+use evodrive::evidence::report::{Beside, Playable, Stage, Words, html};
 use evodrive::store::read_events;
 use serde_json::Value;
 
@@ -12,16 +12,106 @@ use crate::quickstart::finished;
 /// As in the quickstart.
 const SELECTOR: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05, also_at: None };
 
+fn page(run: &RecordedRun, stage: &Stage) -> String {
+    let words = Words::default();
+    let beside = Beside { selector: &SELECTOR, cost: None, credits: &[], agreement: None, words: &words, live: None };
+    html(run, stage, &beside)
+}
+
 fn attempts(run: &RecordedRun) -> Vec<Value> {
-    let beside = Beside { selector: &SELECTOR, cost: None, credits: &[], agreement: None, live: None };
-    report_data(&html(run, &Stage::default(), &beside))[0]["attempts"].as_array().unwrap().clone()
+    report_data(&page(run, &Stage::default()))[0]["attempts"].as_array().unwrap().clone()
+}
+
+fn quickstart() -> RecordedRun {
+    RecordedRun::read(&read_events(&finished().1.join("transcript.jsonl")).unwrap()).unwrap()
+}
+
+/// What stands in the page before its data: a reader has it at once, and without a script.
+fn first_screen(page: &str) -> &str {
+    page.split_once("<script id=\"data\"").expect("the data").0
+}
+
+#[test]
+fn the_first_screen_claims_what_the_paired_labels_say_and_needs_no_script() {
+    let page = page(&quickstart(), &Stage::default());
+    let (screen, data) = (first_screen(&page), report_data(&page));
+    let headlines = data[0]["headlines"].as_array().unwrap();
+    let of = |name: &str| headlines.iter().find(|of| of["group"] == name).unwrap();
+    let lineage =
+        |name: &str| data[0]["lineages"].as_array().unwrap().iter().find(|of| of["id"] == name).unwrap().clone();
+    assert_eq!(headlines[0]["group"], "adv_bmt-idm", "the one that gained comes first");
+    let quantities = lineage("adv_bmt-idm")["compared"]["quantities"].clone();
+    for name in ["attack", "realism"] {
+        let row = quantities.as_array().unwrap().iter().find(|row| row["quantity"] == name).unwrap().clone();
+        assert_eq!(headlines[0][name], row["difference"], "{name}");
+    }
+    assert_eq!(of("adv_bmt-idm")["verdict"], "gain");
+    assert_eq!(of("cat-idm")["verdict"], "parent");
+    assert_eq!(of("at-idm")["verdict"], "unsure", "a difference of 0.000 is no gain");
+    for headline in headlines {
+        assert!(screen.contains(headline["says"].as_str().unwrap()), "{headline}");
+    }
+    let gain = of("adv_bmt-idm")["mechanism"].as_str().unwrap();
+    assert!(gain.contains("cyclist") && screen.contains(gain), "the body that carries the gain is named: {gain}");
+    assert!(screen.contains("proposed by the scripted stand-in"));
+    // Every held-out scene has a row, and each growth is of one set of scenes.
+    for id in ["cat-idm", "at-idm", "adv_bmt-idm"] {
+        let lineage = lineage(id);
+        assert_eq!(lineage["pairs"].as_array().unwrap().len(), 80, "{id}");
+        let areas: Vec<f64> =
+            lineage["growth"]["points"].as_array().unwrap().iter().map(|point| point[1].as_f64().unwrap()).collect();
+        assert!(areas.windows(2).all(|two| two[0] <= two[1]), "{id}: {areas:?}");
+        assert_eq!(lineage["growth"]["scenes"], 60);
+    }
+}
+
+#[test]
+fn names_from_outside_stand_on_the_first_screen_as_text() {
+    let mut run = quickstart();
+    run.opened.name = "<img src=x onerror=alert(1)>".into();
+    run.opened.models.insert("actor".into(), "chat <script>".into());
+    let page = page(&run, &Stage::default());
+    let screen = first_screen(&page);
+    assert!(screen.contains("&lt;img src=x") && !screen.contains("<img"), "the name");
+    assert!(screen.contains("chat &lt;script&gt;") && !screen.contains("chat <script>"), "the model");
+}
+
+#[test]
+fn a_badge_says_no_more_than_what_was_looked_at() {
+    let mut run = quickstart();
+    let badges = |run: &RecordedRun, same: &[Option<bool>]| -> Vec<(String, String)> {
+        let rollout = |as_recorded: &Option<bool>| Playable {
+            solution: "cat-idm/parent".into(),
+            role: "parent".into(),
+            scene: "synth/merge/7/4".into(),
+            changed: vec![],
+            contact: None,
+            caption: String::new(),
+            as_recorded: *as_recorded,
+        };
+        let stage = Stage { rollouts: same.iter().map(rollout).collect(), ..Stage::default() };
+        let badges = report_data(&page(run, &stage))[0]["badges"].as_array().unwrap().clone();
+        let text = |of: &Value| of.as_str().unwrap().to_string();
+        badges.iter().map(|badge| (text(&badge["standing"]), text(&badge["says"]))).collect()
+    };
+    let of = |all: &[(String, String)], what: &str| all.iter().find(|(_, says)| says.contains(what)).unwrap().0.clone();
+    assert_eq!(of(&badges(&run, &[]), "no rollout simulated again"), "unknown");
+    assert_eq!(of(&badges(&run, &[Some(true), None]), "1 of 1 played rollouts"), "holds", "the replay has no label");
+    assert_eq!(of(&badges(&run, &[Some(true), Some(false)]), "1 of 2 played rollouts differ"), "against");
+    assert_eq!(of(&badges(&run, &[]), "signature"), "unknown");
+    assert_eq!(of(&badges(&run, &[]), "audit: no findings"), "holds");
+    run.held_out.remove(0);
+    assert_eq!(of(&badges(&run, &[]), "audit: "), "against", "a result without its labels");
+    run.result = None;
+    assert_eq!(of(&badges(&run, &[]), "not finished"), "note");
+    assert!(first_screen(&page(&run, &Stage::default())).contains("The run is not finished"));
 }
 
 /// A page of ten thousand whole stories has forty megabytes: of a large run only accepted attempts are told in full. None is left
 /// out, and what the charts draw of one is the same.
 #[test]
 fn attempts_of_a_large_run_are_told_in_short_but_for_the_accepted_ones() {
-    let mut run = RecordedRun::read(&read_events(&finished().1.join("transcript.jsonl")).unwrap()).unwrap();
+    let mut run = quickstart();
     let whole = attempts(&run);
     assert_eq!(whole.len(), run.attempts.len());
     assert!(whole.iter().all(|attempt| attempt.get("in_short").is_none()), "a small run is told whole");

@@ -11,7 +11,7 @@ use crate::cli::records::{folder::RunFolder, run_name::OneRun};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::{exit::Failure, interrupt::Interrupt, timed::timed, typed::resume_command};
 use crate::evidence::RecordedRun;
-use crate::evidence::report::{self, Beside, Live, Stage};
+use crate::evidence::report::{self, Beside, Live, Stage, Words};
 use crate::experiment::Experiment;
 use crate::kernel::Threads;
 use crate::store;
@@ -100,8 +100,8 @@ fn look(
     }
     let live = Live { epochs: experiment.budget.epochs, proposals: proposals(experiment), reload_s };
     let cost = cost::kept(folder)?;
-    let beside =
-        Beside { selector: &experiment.selector, cost: cost.as_ref(), credits: &[], agreement: None, live: Some(live) };
+    let (selector, cost, words) = (&experiment.selector, cost.as_ref(), Words::default());
+    let beside = Beside { selector, cost, credits: &[], agreement: None, words: &words, live: Some(live) };
     store::write_atomic(&folder.report(), report::html(&run, &Stage::default(), &beside).as_bytes())?;
     Ok(Some(run))
 }

@@ -12,6 +12,7 @@ pub mod kept_credit;
 pub mod lineage;
 pub mod page;
 pub mod playables;
+mod program_words;
 pub mod report;
 pub mod rollout;
 pub mod show;

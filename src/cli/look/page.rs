@@ -2,7 +2,7 @@
 
 use crate::backend::Backend;
 use crate::cli::evolve::cost;
-use crate::cli::look::{kept_credit, playables};
+use crate::cli::look::{kept_credit, playables, program_words};
 use crate::cli::records::folder::RunFolder;
 use crate::cli::terminal::exit::Failure;
 use crate::epoch::{Player, Study};
@@ -23,6 +23,8 @@ pub fn write(
     let playables = playables::choose(&Player::of(study, &run.counsels, backend), run, threads);
     let cost = cost::kept(folder)?;
     let credits = kept_credit::kept(folder, run)?;
-    let beside = Beside { selector: &study.selector, cost: cost.as_ref(), credits: &credits, agreement, live: None };
+    let words = program_words::of(study, run);
+    let (selector, cost) = (&study.selector, cost.as_ref());
+    let beside = Beside { selector, cost, credits: &credits, agreement, words: &words, live: None };
     Ok(store::write_atomic(&folder.report(), report::html(run, &playables, &beside).as_bytes())?)
 }

@@ -1,32 +1,40 @@
 //! Which rollouts a report can play, simulated again as drawings.
 
+use std::collections::BTreeMap;
+
 use crate::draw::{Actor, Contact, Drawing, Role, role_of};
-use crate::epoch::{LineageSpec, Player, Study, Traced};
+use crate::epoch::{LineageSpec, Player, Study, Traced, record_digest};
 use crate::evidence::RecordedRun;
-use crate::evidence::report::{Playable, Stage, Unplayed};
+use crate::evidence::report::{self, Playable, Stage, Unplayed};
 use crate::kernel::Threads;
-use crate::objects::{Program, SceneScore, SolutionId};
+use crate::objects::{Program, SceneScore, SolutionId, event::LineageResult};
 use crate::scene::{DT_S, Scene};
 use crate::sim::{self, ActorRef, ActorTrace, End, Outcome, Trace};
 
-/// Scenes of a lineage that can be played.
+/// Held-out scenes of a lineage that can be played, and of the one that gained most attack.
 const SCENES_MAX: usize = 3;
+const SCENES_OF_THE_BEST_MAX: usize = 12;
 
 /// Rollouts of a page, shared out among its lineages: each takes about 30 kB of it, and a second or less to make.
 const ROLLOUTS_MAX: usize = 96;
 
-/// The chosen program, the parent, the active program and the finalists, as many as there is room for, in the scenes where they
-/// differ most. Of repetitions the first is played. Any other rollout is drawn by `evodrive scenes show`.
+/// The chosen program and its parent, then the others that were measured as far as there is room, in the held-out scenes that tell most of
+/// what changed. Of repetitions the one that the report shows is played. Any other rollout is drawn by `evodrive scenes show`.
 pub fn choose(player: &Player<'_>, run: &RecordedRun, threads: &Threads) -> Stage {
     let study = player.study;
-    let specs: Vec<&LineageSpec> = study.lineages.iter().filter(|spec| spec.replica == 0).collect();
-    let room = (ROLLOUTS_MAX / SCENES_MAX / specs.len().max(1)).max(1);
+    let shown = report::shown(run);
+    let specs: Vec<&LineageSpec> = study.lineages.iter().filter(|spec| shown.contains(&spec.id)).collect();
+    let best = specs.iter().copied().reduce(|best, next| if gain(run, next) > gain(run, best) { next } else { best });
+    let room = (ROLLOUTS_MAX.saturating_sub(2 * SCENES_OF_THE_BEST_MAX) / SCENES_MAX / specs.len().max(1)).max(2);
     let mut stage = Stage { repetitions_left_out: study.lineages.len() - specs.len(), ..Stage::default() };
     let (mut all, mut replays) = (Vec::new(), Vec::new());
     for spec in specs {
         let programs: Vec<(SolutionId, String)> = programs(run, spec).into_iter().take(room).collect();
-        for place in scenes(study, run, spec) {
-            all.extend(programs.iter().map(|(solution, role)| (spec, place, solution.clone(), role.clone())));
+        let most = if best.is_some_and(|best| best.id == spec.id) { SCENES_OF_THE_BEST_MAX } else { SCENES_MAX };
+        for (nth, place) in scenes(study, run, spec, most).into_iter().enumerate() {
+            // Beyond the first few only before and after.
+            let shown = programs.iter().take(if nth < SCENES_MAX { programs.len() } else { 2 });
+            all.extend(shown.map(|(solution, role)| (spec, place, solution.clone(), role.clone())));
             let scene = study.scenes[place].scene();
             stage.scenes.entry(scene.id.clone()).or_insert_with(|| Drawing::of_scene(scene));
             // Lineages of one ego share what happens without a program.
@@ -37,7 +45,7 @@ pub fn choose(player: &Player<'_>, run: &RecordedRun, threads: &Threads) -> Stag
         }
     }
     let played = threads.map(&all, |_, (spec, place, solution, role)| {
-        run.program(solution).map(|program| play(player, spec, program, role, *place))
+        run.program(solution).map(|program| play(player, run, (spec, *place), program, role))
     });
     for ((_, place, solution, _), played) in all.iter().zip(played) {
         match played {
@@ -65,58 +73,66 @@ pub fn choose(player: &Player<'_>, run: &RecordedRun, threads: &Threads) -> Stag
     stage
 }
 
+fn result<'r>(run: &'r RecordedRun, spec: &LineageSpec) -> Option<&'r LineageResult> {
+    run.result.as_ref()?.lineages.iter().find(|of| of.lineage == spec.id)
+}
+
+fn gain(run: &RecordedRun, spec: &LineageSpec) -> f64 {
+    result(run, spec).map_or(0.0, |of| of.evolved.objectives.attack - of.parent.objectives.attack)
+}
+
+/// The chosen one first, then the parent, then whoever else was measured on the held-out scenes.
 fn programs(run: &RecordedRun, spec: &LineageSpec) -> Vec<(SolutionId, String)> {
-    let mut chosen: Vec<(SolutionId, String)> = Vec::new();
-    let mut add = |solution: &SolutionId, role: &str| {
+    let Some(result) = result(run, spec) else { return Vec::new() };
+    let mut chosen = vec![(result.evolved.solution.clone(), "chosen".to_string())];
+    let measured = run.held_out.iter().filter(|of| of.lineage == spec.id).map(|of| &of.solution);
+    for solution in std::iter::once(&result.parent.solution).chain(measured) {
         if !chosen.iter().any(|(known, _)| known == solution) {
+            let role = if *solution == result.parent.solution { "parent" } else { "finalist" };
             chosen.push((solution.clone(), role.to_string()));
         }
-    };
-    let evolved = run.result.as_ref().and_then(|r| r.lineages.iter().find(|l| l.lineage == spec.id));
-    if let Some(result) = evolved {
-        add(&result.evolved.solution, "chosen");
-        result.endpoint.iter().for_each(|endpoint| add(&endpoint.solution, "endpoint"));
-    }
-    if let Some(parent) = run.parents.iter().find(|p| p.lineage == spec.id) {
-        add(&parent.program.solution_id, "parent");
-    }
-    if let Some(active) = run.active(&spec.id) {
-        add(active, "active");
-    }
-    for finalist in run.finalists.iter().filter(|f| f.lineage == spec.id) {
-        add(&finalist.solution, "finalist");
     }
     chosen
 }
 
-/// Evolution scenes in which the finalists' labels differ most from the parent's, then those with an attack.
-fn scenes(study: &Study, run: &RecordedRun, spec: &LineageSpec) -> Vec<usize> {
-    let finalists: Vec<_> = run.finalists.iter().filter(|f| f.lineage == spec.id).collect();
-    let label = |scores: &[SceneScore], id: &str| {
-        scores.iter().find(|s| s.scene == id).map_or((0.0, 1.0), |s| (s.attack, s.realism))
-    };
-    let interest = |place: &usize| {
+/// Held-out scenes, at first those in which only the chosen program attacks, the most realistic first; then those in which both or only
+/// the parent do, then the others.
+fn scenes(study: &Study, run: &RecordedRun, spec: &LineageSpec, most: usize) -> Vec<usize> {
+    let Some(result) = result(run, spec) else { return Vec::new() };
+    let of = |solution: &SolutionId| label_in(run, spec, solution);
+    let (before, after) = (of(&result.parent.solution), of(&result.evolved.solution));
+    let told = |place: &usize| {
         let id = study.scenes[*place].scene().id.as_str();
-        let labels: Vec<(f64, f64)> = finalists.iter().map(|f| label(&f.score.scenes, id)).collect();
-        let attacks = labels.iter().map(|l| l.0);
-        let spread = attacks.clone().fold(0.0, f64::max) - attacks.clone().fold(1.0, f64::min);
-        2.0 * spread + attacks.fold(0.0, f64::max) + labels.iter().map(|l| 1.0 - l.1).fold(0.0, f64::max)
+        let label =
+            |labels: &BTreeMap<&str, &SceneScore>| labels.get(id).map_or((0.0, 0.0), |of| (of.attack, of.realism));
+        let ((was, _), (is, realism)) = (label(&before), label(&after));
+        4.0 * (is - was).max(0.0) + 2.0 * was.max(is) + realism
     };
-    let mut places: Vec<usize> = study.evolution.clone();
-    places.sort_by(|a, b| interest(b).total_cmp(&interest(a)).then(a.cmp(b)));
-    places.truncate(SCENES_MAX);
+    let known = |place: &&usize| after.contains_key(study.scenes[**place].scene().id.as_str());
+    let mut places: Vec<usize> = study.held_out.iter().filter(known).copied().collect();
+    places.sort_by(|a, b| told(b).total_cmp(&told(a)).then(a.cmp(b)));
+    places.truncate(most);
     places
+}
+
+/// The held-out labels of a program by scene.
+fn label_in<'r>(run: &'r RecordedRun, spec: &LineageSpec, solution: &SolutionId) -> BTreeMap<&'r str, &'r SceneScore> {
+    let own = run.held_out.iter().filter(|of| of.lineage == spec.id && of.solution == *solution);
+    own.flat_map(|of| &of.score.scenes).map(|label| (label.scene.as_str(), label)).collect()
 }
 
 fn play(
     player: &Player<'_>,
-    spec: &LineageSpec,
+    run: &RecordedRun,
+    (spec, place): (&LineageSpec, usize),
     program: &Program,
     role: &str,
-    place: usize,
 ) -> Result<Playable, String> {
     let scene = player.study.scenes[place].scene();
     let Traced { record, decision, motion, .. } = player.trace(spec, program, place)?;
+    let labels = label_in(run, spec, &program.solution_id);
+    let recorded = labels.get(scene.id.as_str()).map(|label| label.record);
+    let digest = record_digest(&record).map_err(|error| error.to_string())?;
     let outcome = &record.outcome;
     let applied = if decision.applies { String::new() } else { format!("; not applied: {}", decision.reason) };
     Ok(Playable {
@@ -126,6 +142,7 @@ fn play(
         changed: changed(scene, &motion),
         contact: contact(scene, &motion, outcome),
         caption: format!("{}{applied}", ending(outcome, motion.from_step)),
+        as_recorded: recorded.map(|recorded| recorded == digest),
     })
 }
 
@@ -145,6 +162,7 @@ fn without_program(player: &Player<'_>, spec: &LineageSpec, place: usize) -> Res
         changed: changed(scene, &motion),
         contact: contact(scene, &motion, &outcome),
         caption: ending(&outcome, motion.from_step),
+        as_recorded: None,
     })
 }
 
@@ -243,7 +261,24 @@ fn drawn(scene: &Scene, actor: &ActorTrace, role: Role, from_step: usize) -> Act
         width_m: actor.width_m,
         samples: (0..scene.steps).map(sample).collect(),
     };
-    Actor::of_track(&track, label(scene, actor.actor), role)
+    let name = match actor.actor {
+        ActorRef::Inserted(_) if role != Role::Ego => inserted(actor),
+        _ => label(scene, actor.actor),
+    };
+    Actor::of_track(&track, name, role)
+}
+
+/// A road user that a program brings in, by the body that it has (`stage` gives a cyclist and a pedestrian theirs).
+fn inserted(actor: &ActorTrace) -> String {
+    let what = match (actor.length_m, actor.width_m) {
+        (length_m, _) if length_m < 1.2 => "pedestrian",
+        (_, width_m) if width_m < 1.2 => "cyclist",
+        _ => "car",
+    };
+    match actor.actor {
+        ActorRef::Inserted(nth) if nth > 0 => format!("inserted {what} {}", nth + 1),
+        _ => format!("inserted {what}"),
+    }
 }
 
 /// Where the ego met somebody, if it did.
@@ -251,8 +286,15 @@ pub fn contact(scene: &Scene, motion: &Trace, outcome: &Outcome) -> Option<Conta
     let contact = outcome.contact?;
     let last = motion.ego.len().checked_sub(1)?;
     let ego = motion.ego.get(last)?;
-    let other = motion.actors.iter().find(|a| a.actor == contact.with)?.samples.get(last).copied().flatten();
+    let with = motion.actors.iter().find(|a| a.actor == contact.with)?;
+    let other = with.samples.get(last).copied().flatten();
     let point = other.map_or(ego.position, |other| ego.position.lerp(other.position, 0.5));
-    let label = format!("{} at {:.1} m/s", label(scene, contact.with), contact.relative_speed_mps);
+    let name = match contact.with {
+        _ if contact.adversary => "contact".to_string(),
+        ActorRef::Inserted(_) => inserted(with),
+        ActorRef::Track(_) => label(scene, contact.with),
+    };
+    // The picture has the adversary's name beside it.
+    let label = format!("{name}, {:.1} m/s", contact.relative_speed_mps);
     Some(Contact { step: motion.from_step + last, point, label })
 }

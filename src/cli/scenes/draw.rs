@@ -11,7 +11,7 @@ use crate::cli::scenes::show;
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{
-    Drawing, Film, FilmOptions, Frame, StripOptions, Theme, even_steps, film, gif, pdf, strip, strip_figure,
+    Drawing, Film, FilmOptions, Frame, StripOptions, Theme, even_steps, film, gif, pdf, strip, strip_figure, strips,
 };
 use crate::kernel::Threads;
 use crate::llm::command::{Ended, Run};
@@ -50,6 +50,10 @@ pub struct Options {
     pub out: PathBuf,
     #[command(flatten)]
     pub output: Output,
+    /// Below the strip of --attempt (.svg), the same moments of this one: parent, replay (no program), or an attempt of
+    /// the run.
+    #[arg(long, value_name = "PROGRAM", requires = "attempt")]
+    pub beside: Option<String>,
     /// Number of panels of a strip, evenly spaced from the scene's current step to the contact or the end; without it
     /// 4.
     #[arg(long)]
@@ -83,27 +87,49 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let (drawing, title) =
         show::drawn(options.path.as_ref(), options.scene.as_ref(), (&options.of, options.episode.as_deref()), jobs)?;
     match kind {
-        Kind::Strip | Kind::Page => drawn_strip(options, kind, &drawing, title),
+        Kind::Strip | Kind::Page => {
+            let other = beside(options, jobs)?;
+            drawn_strip(options, kind, (&drawing, other.as_ref()), title)
+        }
         kind => drawn_film(options, kind, &drawing, title, jobs),
     }
+}
+
+/// The drawing of --beside, with the line that stands above it.
+fn beside(options: &Options, jobs: usize) -> Result<Option<(String, Drawing)>, Failure> {
+    let (Some(name), Some(attempt)) = (&options.beside, &options.of.attempt) else { return Ok(None) };
+    let lineage = attempt.rsplit_once('/').map_or(attempt.as_str(), |(lineage, _)| lineage);
+    let named = match name.as_str() {
+        "parent" | "replay" => format!("{lineage}/{name}"),
+        attempt => attempt.to_string(),
+    };
+    let of = OfAttempt { attempt: Some(named), ego_log: options.of.ego_log, run: options.of.run.clone() };
+    let (drawing, title) = show::drawn(options.path.as_ref(), options.scene.as_ref(), (&of, None), jobs)?;
+    Ok(Some((title, drawing)))
 }
 
 fn theme(options: &Options) -> Theme {
     if options.dark { Theme::Dark } else { Theme::Light }
 }
 
-fn drawn_strip(options: &Options, kind: Kind, drawing: &Drawing, title: String) -> Result<Answer, Failure> {
+fn drawn_strip(
+    options: &Options,
+    kind: Kind,
+    (drawing, other): (&Drawing, Option<&(String, Drawing)>),
+    title: String,
+) -> Result<Answer, Failure> {
     let usual = if kind == Kind::Page { PANEL_PT } else { PANEL_PX };
     let strip_of = StripOptions {
         panel_px: options.panel.unwrap_or(usual),
         theme: theme(options),
         frame: Frame::Around(options.around),
-        steps: steps(options, drawing)?,
-        title: title.clone(),
+        steps: steps(options, drawing, other.map(|(_, other)| other))?,
+        title: if other.is_some() { String::new() } else { title.clone() },
     };
-    let bytes = match kind {
-        Kind::Page => pdf(&strip_figure(drawing, &strip_of)).map_err(Failure::bad_input)?,
-        _ => strip(drawing, &strip_of).into_bytes(),
+    let bytes = match (kind, other) {
+        (Kind::Page, _) => pdf(&strip_figure(drawing, &strip_of)).map_err(Failure::bad_input)?,
+        (_, None) => strip(drawing, &strip_of).into_bytes(),
+        (_, Some((line, other))) => strips(&[(title.clone(), drawing), (line.clone(), other)], &strip_of).into_bytes(),
     };
     options.output.write(&options.out, &bytes)?;
     let seconds: Vec<f64> = strip_of.steps.iter().map(|step| *step as f64 * drawing.dt_s).collect();
@@ -221,6 +247,9 @@ fn check(options: &Options) -> Result<Kind, Failure> {
             ));
         }
     };
+    if options.beside.is_some() && kind != Kind::Strip {
+        return refuse("--beside: two strips below each other are drawn as .svg".into());
+    }
     let is_strip = matches!(kind, Kind::Strip | Kind::Page);
     if !is_strip && (options.frames.is_some() || !options.at.is_empty()) {
         return refuse("--frames and --at choose the panels of a strip (.svg, .pdf); a film shows every step".into());
@@ -243,10 +272,12 @@ fn check(options: &Options) -> Result<Kind, Failure> {
     }
 }
 
-fn steps(options: &Options, drawing: &Drawing) -> Result<Vec<usize>, Failure> {
+/// Up to the contact of the drawing, or of the other one where it has none.
+fn steps(options: &Options, drawing: &Drawing, other: Option<&Drawing>) -> Result<Vec<usize>, Failure> {
     let last = drawing.steps.saturating_sub(1);
     if options.at.is_empty() {
-        let end = drawing.contact.as_ref().map_or(last, |contact| contact.step.min(last));
+        let contact = drawing.contact.as_ref().or(other.and_then(|other| other.contact.as_ref()));
+        let end = contact.map_or(last, |contact| contact.step.min(last));
         return Ok(even_steps(drawing.current_step.min(end), end, options.frames.unwrap_or(FRAMES)));
     }
     let end_s = last as f64 * drawing.dt_s;

@@ -1,5 +1,6 @@
 // Plays a drawing on a canvas. Needs nothing but the page it stands in.
-// EvoPlayer.mount(element, drawing, { autoplay, follow, fill, height, step }) -> { seek, play, pause, destroy }
+// EvoPlayer.mount(element, drawing, { autoplay, follow, fill, height, step, frame, bare }) -> { seek, play, pause, destroy }
+// `frame`: places that are in sight at first; `bare`: the picture alone, for a page that has controls of its own.
 const EvoPlayer = (() => {
   "use strict";
 
@@ -86,6 +87,7 @@ const EvoPlayer = (() => {
     };
 
     root.classList.add("evo-player");
+    root.classList.toggle("evo-bare", Boolean(options.bare));
     const canvas = element("canvas", { tabIndex: 0, role: "img" });
     canvas.setAttribute("aria-label", "Top view of the scene; space plays, arrow keys step, F follows the ego, R shows all");
     const legend = element("ul", { className: "evo-legend" });
@@ -143,8 +145,9 @@ const EvoPlayer = (() => {
         if (everything || LEADING.has(actor.role)) for (const s of actor.samples) if (s) points.push(s);
       }
       if (everything) for (const surface of drawing.surfaces) points.push(...surface);
-      const [x0, y0, x1, y1] = bounds(points);
-      const margin = everything ? 5 : 28;
+      const framed = !everything && options.frame && options.frame.length > 0;
+      const [x0, y0, x1, y1] = bounds(framed ? options.frame : points);
+      const margin = everything ? 5 : framed ? 7 : 28;
       state.x = (x0 + x1) / 2; state.y = (y0 + y1) / 2;
       state.scale = Math.min(width / (x1 - x0 + 2 * margin), height / (y1 - y0 + 2 * margin));
     }
@@ -176,8 +179,8 @@ const EvoPlayer = (() => {
       if (state.trails) for (const actor of actors) drawTrail(c, actor, px);
       for (const actor of actors) drawActor(c, actor, px);
       c.restore();
-      drawNames(c);
       drawContact(c);
+      drawNames(c);
       drawScale(c);
       updateReadout();
     }
@@ -242,16 +245,21 @@ const EvoPlayer = (() => {
       const at = pose(actor, state.time);
       if (!at) return;
       const lead = LEADING.has(actor.role), [l, w] = [actor.length_m, actor.width_m];
-      // Small ones stay visible from afar.
-      const grow = Math.max(1, 5 * px / Math.max(w, 0.1));
+      // Small ones stay visible from afar, and have a shape of their own.
+      const onFoot = l < 1.2, onTwoWheels = !onFoot && w < 1.2;
+      const grow = Math.max(1, (onFoot ? 9 : 7) * px / Math.max(w, 0.1));
       c.save();
       c.translate(at[0], at[1]); c.rotate(at[2]);
       if (l < 2.5 && grow > 1) c.scale(grow, grow);
-      c.fillStyle = colours[actor.role]; c.strokeStyle = colours.outline; c.lineWidth = (lead ? 1.6 : 1) * px;
+      c.fillStyle = colours[actor.role]; c.strokeStyle = colours.outline; c.lineWidth = (lead ? 1.6 : 1) * px / (l < 2.5 ? grow : 1);
       c.globalAlpha = actor.role === "ghost" ? 0.35 : 1;
       c.beginPath();
-      if (c.roundRect && l > 2.5) c.roundRect(-l / 2, -w / 2, l, w, Math.min(0.45, w / 4)); else c.rect(-l / 2, -w / 2, l, w);
+      if (onFoot) c.arc(0, 0, w / 2, 0, 7);
+      else if (onTwoWheels) c.ellipse(0, 0, l / 2, w / 2, 0, 0, 7);
+      else if (c.roundRect && l > 2.5) c.roundRect(-l / 2, -w / 2, l, w, Math.min(0.45, w / 4));
+      else c.rect(-l / 2, -w / 2, l, w);
       c.fill(); c.stroke();
+      if (onTwoWheels) { c.beginPath(); c.arc(0, 0, 0.28 * w, 0, 7); c.fillStyle = colours.outline; c.fill(); }
       if (l > 2.5) {
         c.globalAlpha *= 0.7; c.fillStyle = colours.outline;
         c.fillRect(0.12 * l, -0.39 * w, 0.14 * l, 0.78 * w);
@@ -267,15 +275,32 @@ const EvoPlayer = (() => {
       c.fillStyle = colour; c.fillText(text, x, y);
     }
 
+    // Names stand where no other name, no road user that leads and no contact is, and never beyond the edge.
     function drawNames(c) {
+      const shown = [], taken = [];
       for (const actor of actors) {
-        const lead = LEADING.has(actor.role);
-        if (!lead && !state.labels) continue;
         const at = pose(actor, state.time);
         if (!at) continue;
-        const [x, y] = toScreen(at[0], at[1]), off = Math.max(8, actor.width_m * state.scale * 0.7);
+        const [x, y] = toScreen(at[0], at[1]), off = Math.max(8, actor.width_m * state.scale * 0.7), lead = LEADING.has(actor.role);
+        if (x < 0 || y < 0 || x > width || y > height) continue;
+        if (lead) taken.push([x - off, y - off, x + off, y + off]);
+        if (lead || state.labels) shown.push({ actor, x, y, off, lead });
+      }
+      if (drawing.contact && state.time >= drawing.contact.step) {
+        const [x, y] = toScreen(drawing.contact.point[0], drawing.contact.point[1]);
+        taken.push([x - 20, y - 20, x + 20, y + 20]);
+      }
+      for (const { actor, x, y, off, lead } of shown.reverse()) {
         c.font = (lead ? "600 13px" : "11px") + " system-ui, sans-serif";
-        outlined(c, actor.label, x + off, y - off, colours.text);
+        const w = c.measureText(actor.label).width, h = lead ? 14 : 12;
+        const places = [[off, -off], [off, off + h], [-off - w, -off], [-off - w, off + h], [off + 16, -off - 18], [-off - w - 16, -off - 18], [off + 16, off + h + 18], [-off - w - 16, off + h + 18], [-w / 2, -off - 24], [-w / 2, off + h + 24]];
+        const boxes = places.map(([dx, dy]) => [x + dx, y + dy - h, x + dx + w, y + dy]);
+        const inside = (b) => b[0] >= 2 && b[1] >= 2 && b[2] <= width - 2 && b[3] <= height - 2;
+        const free = (b) => inside(b) && !taken.some((t) => b[0] < t[2] && t[0] < b[2] && b[1] < t[3] && t[1] < b[3]);
+        const box = boxes.find(free) || (lead ? boxes.find(inside) : null);
+        if (!box) continue;
+        taken.push(box);
+        outlined(c, actor.label, box[0], box[3] - 3, colours.text);
       }
     }
 

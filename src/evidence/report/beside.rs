@@ -1,10 +1,12 @@
 //! What a page tells beside the run's events.
 
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 use super::super::agreement;
 use super::super::credit::Credit;
 use crate::archive::SelectorOptions;
+use crate::objects::SolutionId;
 use crate::objects::cost::RunCost;
 
 /// What a page tells beside the run's events.
@@ -17,8 +19,19 @@ pub struct Beside<'a> {
     pub credits: &'a [Credit],
     /// How far another simulator's run agrees, where one was compared.
     pub agreement: Option<&'a agreement::Report>,
+    /// What the contracts of its families say of its programs.
+    pub words: &'a Words,
     /// How far a run should go that is not finished, where the page is to follow it.
     pub live: Option<Live>,
+}
+
+/// Programs in the words of their families' contracts, which the record does not hold.
+#[derive(Clone, Debug, Default)]
+pub struct Words {
+    /// Of each chosen program what it does otherwise than its lineage's parent, part by part.
+    pub changes: BTreeMap<SolutionId, Vec<String>>,
+    /// What the names in expressions mean, with their units.
+    pub meanings: BTreeMap<String, String>,
 }
 
 /// A run that goes on while its page is looked at.

@@ -1,14 +1,15 @@
 //! What the page shows, as one JSON value: the story of the run in the shapes that the page's script draws.
 
 use serde_json::{Value, json};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::super::choice::Choice;
 use super::super::recorded_run::RecordedRun;
 use super::super::tables::compared;
 use super::beside::Beside;
-use super::credit;
+use super::stage::Stage;
 use super::terms::terms;
+use super::{credit, growth, headline, mechanism, pairs, spread, trust};
 use crate::evidence::evaluator::Evolution;
 use crate::evidence::realism::Realisms;
 use crate::evidence::{audit, unlabelled};
@@ -16,7 +17,7 @@ use crate::kernel::num;
 use crate::objects::{
     Attempt, Counselled, Exchange, Exit, LineageId, Origin, Role, Round, SceneScore, edit_categories,
     event::{LineageResult, Measured},
-    program_diff,
+    program_diff, program_text,
 };
 
 /// Attempts that a page tells in full. Of a larger run it does so of the accepted ones, and the others in short: a page of ten
@@ -34,9 +35,9 @@ const ROLES: [Role; 7] = [
 ];
 
 /// Everything but the player's scenes.
-pub fn of(run: &RecordedRun, beside: &Beside<'_>) -> Value {
+pub fn of(run: &RecordedRun, stage: &Stage, beside: &Beside<'_>) -> Value {
     let names = Names::of(run);
-    let lineages: Vec<Value> = run.parents.iter().map(|p| lineage(run, &p.lineage, beside)).collect();
+    let lineages: Vec<Value> = run.parents.iter().map(|p| lineage(run, &p.lineage, &names, beside)).collect();
     let mut page = json!({
         "name": run.opened.name,
         "root": run.root,
@@ -52,6 +53,11 @@ pub fn of(run: &RecordedRun, beside: &Beside<'_>) -> Value {
         "exits": run.result.as_ref().map(|r| r.exits),
         "rollouts": run.result.as_ref().map(|r| r.rollouts),
         "replay": run.replays.iter().map(|replayed| &replayed.row).collect::<Vec<_>>(),
+        "headlines": headline::headlines(run),
+        "badges": trust::badges(run, stage),
+        "realism_min": beside.selector.realism_min,
+        "classes": names.classes,
+        "programs": programs(run),
         "lineages": lineages,
         "counsels": run.counsels.iter().map(counsel).collect::<Vec<_>>(),
         "cost": beside.cost,
@@ -78,7 +84,15 @@ pub fn of(run: &RecordedRun, beside: &Beside<'_>) -> Value {
     page
 }
 
-fn lineage(run: &RecordedRun, id: &LineageId, beside: &Beside<'_>) -> Value {
+/// Texts of the programs that were measured on the held-out scenes, so that a reader compares any two; of a search that is repeated those of
+/// the repetition that is shown.
+fn programs(run: &RecordedRun) -> BTreeMap<String, String> {
+    let shown = headline::shown(run);
+    let own = run.held_out.iter().filter(|of| shown.contains(&of.lineage));
+    own.filter_map(|of| Some((of.solution.to_string(), program_text(run.program(&of.solution)?)))).collect()
+}
+
+fn lineage(run: &RecordedRun, id: &LineageId, names: &Names, beside: &Beside<'_>) -> Value {
     let parent = run.parents.iter().find(|p| p.lineage == *id);
     let result: Option<&LineageResult> = run.result.as_ref().and_then(|r| r.lineages.iter().find(|l| l.lineage == *id));
     let frozen = || run.frozen.iter().filter(|f| f.lineage == *id);
@@ -101,6 +115,7 @@ fn lineage(run: &RecordedRun, id: &LineageId, beside: &Beside<'_>) -> Value {
                 "strict_realism": realisms.strict_realism,
                 "roles": of.roles,
                 "scenes": of.score.scenes.len(),
+                "spread": spread::of(&of.score.scenes).filter(|_| of.score.benchmark.is_none()).map(|of| short(json!(of))),
             })
         })
         .collect();
@@ -120,6 +135,14 @@ fn lineage(run: &RecordedRun, id: &LineageId, beside: &Beside<'_>) -> Value {
         "choice": Choice::of(run, id, beside.selector),
         "result": result,
     });
+    if let Some(growth) = growth::of(run, id) {
+        object["growth"] = short(growth);
+    }
+    if let Some(result) = result {
+        object["group"] = json!(result.group);
+        object["pairs"] = pairs::of(run, result, &names.scenes, &names.classes).into();
+        object["mechanism"] = json!(mechanism::of(run, result, beside.words));
+    }
     // SafeBench's scores are of whole sets of runs: the tables of that protocol have their intervals.
     if let Some(result) = result.filter(|_| run.rounds.is_empty()) {
         object["compared"] = json!(compared((run, &result.parent.solution), (run, &result.evolved.solution)));
@@ -149,7 +172,7 @@ fn counsel(counselled: &Counselled) -> Value {
         "scene": counselled.scene,
         "rounds": rounds.collect::<Vec<_>>(),
         "advised": counselled.chosen().map(|round| &round.attackers),
-        "exchanges": counselled.exchanges,
+        "refused": counselled.exchanges.iter().filter_map(|asked| Some(json!([asked.round, asked.refusal.as_ref()?]))).collect::<Vec<_>>(),
     })
 }
 
@@ -159,16 +182,21 @@ struct Names {
     diagnostics: Vec<String>,
     metrics: Vec<String>,
     models: Vec<String>,
+    classes: Vec<String>,
 }
 
 impl Names {
     fn of(run: &RecordedRun) -> Names {
         let labelled = || run.attempts.iter().filter_map(|a| a.exit.score()).flat_map(|score| &score.scenes);
+        let held_out = || run.held_out.iter().flat_map(|of| &of.score.scenes);
         let sorted = |names: &mut dyn Iterator<Item = &String>| -> Vec<String> {
             names.collect::<BTreeSet<&String>>().into_iter().cloned().collect()
         };
         Names {
-            scenes: sorted(&mut labelled().map(|scene| &scene.scene)),
+            scenes: sorted(&mut labelled().chain(held_out()).map(|scene| &scene.scene)),
+            classes: sorted(
+                &mut labelled().chain(held_out()).filter_map(|of| of.contact.as_ref()).map(|met| &met.class),
+            ),
             diagnostics: sorted(&mut labelled().flat_map(|scene| scene.diagnostics.keys())),
             metrics: sorted(&mut labelled().flat_map(|scene| scene.metrics.keys())),
             models: sorted(
@@ -209,13 +237,19 @@ impl Names {
 fn attempts(run: &RecordedRun, names: &Names, in_full_max: usize) -> Vec<Value> {
     let all = run.attempts.len() <= in_full_max;
     let accepted = |attempt: &Attempt| attempt.exit.decision().is_some_and(|decision| decision.gates.any());
-    let shown = |of: &Attempt| if all || accepted(of) { attempt(run, names, of) } else { in_short(of) };
+    let shown = |of: &Attempt| if all || accepted(of) { attempt(run, names, of) } else { in_short(names, of) };
     run.attempts.iter().map(shown).collect()
 }
 
-/// What the charts, the tree and the table show of an attempt.
-fn fields(attempt: &Attempt) -> Value {
+/// What the charts, the tree and the list show of an attempt.
+fn fields(names: &Names, attempt: &Attempt) -> Value {
     let candidate = attempt.exit.candidate();
+    // `[class, how many]` of the contacts that count as attacks.
+    let mut met: BTreeMap<usize, usize> = BTreeMap::new();
+    for label in attempt.exit.score().into_iter().flat_map(|score| &score.scenes).filter(|label| label.attack > 0.0) {
+        let class = label.contact.as_ref().and_then(|contact| names.classes.binary_search(&contact.class).ok());
+        class.into_iter().for_each(|class| *met.entry(class).or_default() += 1);
+    }
     json!({
         "id": attempt.id,
         "lineage": attempt.lineage,
@@ -225,11 +259,12 @@ fn fields(attempt: &Attempt) -> Value {
         "exit": attempt.exit.name(),
         "solution": candidate.map(|c| &c.program.solution_id),
         "objectives": attempt.exit.score().map(|s| short(json!(s.objectives))),
+        "met": Some(met.into_iter().collect::<Vec<_>>()).filter(|met| !met.is_empty()),
     })
 }
 
-fn in_short(attempt: &Attempt) -> Value {
-    let mut object = fields(attempt);
+fn in_short(names: &Names, attempt: &Attempt) -> Value {
+    let mut object = fields(names, attempt);
     object["in_short"] = true.into();
     drop_nothing(&mut object);
     object
@@ -248,7 +283,7 @@ fn attempt(run: &RecordedRun, names: &Names, attempt: &Attempt) -> Value {
     // A reader sees the patch where there is no change of a program to show.
     let operations = patch.filter(|_| change.is_empty()).map(|p| &p.operations);
     let score = attempt.exit.score();
-    let mut object = fields(attempt);
+    let mut object = fields(names, attempt);
     let rest = json!({
         "target": attempt.target,
         "reason": reason,

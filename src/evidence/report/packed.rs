@@ -42,6 +42,7 @@ pub fn stage(stage: &Stage) -> Value {
             "changed": playable.changed.iter().map(actor).collect::<Vec<_>>(),
             "contact": playable.contact,
             "caption": playable.caption,
+            "as_recorded": playable.as_recorded,
         })
     };
     let mut packed = json!({"scenes": scenes, "rollouts": stage.rollouts.iter().map(rollout).collect::<Vec<_>>()});

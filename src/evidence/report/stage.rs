@@ -12,7 +12,7 @@ pub struct Stage {
     pub rollouts: Vec<Playable>,
     /// Rollouts that would be played, had they come to one.
     pub unplayed: Vec<Unplayed>,
-    /// Lineages that repeat another one with other draws, and are not played.
+    /// Lineages that repeat one that is played with other draws.
     pub repetitions_left_out: usize,
 }
 
@@ -36,4 +36,6 @@ pub struct Playable {
     pub contact: Option<Contact>,
     /// One line on how it ended.
     pub caption: String,
+    /// Whether it came out as the record has it; `None` where the record holds no label of it.
+    pub as_recorded: Option<bool>,
 }

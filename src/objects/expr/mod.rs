@@ -9,6 +9,7 @@
 mod compile;
 mod error;
 mod lex;
+mod outline;
 mod parse;
 mod scope;
 mod tree;
@@ -16,6 +17,7 @@ mod tree;
 pub use crate::kernel::total::{DENOMINATOR_MIN, LOG_ARGUMENT_MIN, MAGNITUDE_MAX};
 pub use compile::Compiled;
 pub use error::ExprError;
+pub use outline::outline;
 pub use parse::{DEPTH_MAX, NODES_MAX, TEXT_MAX_BYTES};
 pub use scope::Scope;
 pub use tree::{Expr, FUNCTIONS};

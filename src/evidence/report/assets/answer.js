@@ -1,0 +1,92 @@
+// --- the first screen: what evolved, by how much, by what, and why it can be believed
+const VERDICTS = { gain: ["▲", "gained"], trade: ["◆", "traded"], unsure: ["○", "no gain"], loss: ["▼", "lost"], parent: ["=", "parent stays"], plain: ["●", "no interval"] };
+const lead = (text, most) => { if (text.length <= most) return text; const cut = text.slice(0, most), stop = Math.max(cut.lastIndexOf(". "), cut.lastIndexOf("; ")); return stop > most / 2 ? cut.slice(0, stop + 1) : `${cut.slice(0, cut.lastIndexOf(" "))} …`; };
+const contactsInWords = ({ contacts, avoidable: [avoidable, assessed] }) => { const all = contacts.reduce((sum, [, n]) => sum + n, 0); return contacts.slice(0, 2).map(([name, n]) => `${plain(name)} ${fixed(100 * n / all, 0)} %`).join(", ") + (assessed ? `; a careful driver could have avoided ${fixed(100 * avoidable / assessed, 0)} % of ${assessed}` : ""); };
+
+function drawAnswer() {
+  const best = bestLineage(), headline = best && headlineOf(best), page = byId("answer-more"), result = best && best.result;
+  byId("answer").querySelectorAll("li[data-lineage]").forEach((row) => { row.onclick = () => go({ tab: "mechanism", lineage: row.dataset.lineage }); row.title = "shows what it does"; });
+  if (!best) return page.replaceChildren(note("No lineage has begun."));
+  const chart = el("div"), play = el("div", { id: "answer-film" });
+  const told = [];
+  if (result) {
+    const evolved = result.evolved.solution, stays = evolved === result.parent.solution, program = shortId(evolved, best);
+    told.push(el("section", { class: "part" }, el("h2", {}, stays ? `${best.id}: the parent stays` : `What ${best.group || best.id} does now`), ...mechanismGist(best)));
+    const scenes = [...new Set(stage.rollouts.filter((p) => p.solution === evolved).map((p) => p.scene))];
+    const both = scenes.filter((scene) => rolloutOf(result.parent.solution, scene));
+    const scene = both.find((s) => { const [p, c] = [rolloutOf(result.parent.solution, s), rolloutOf(evolved, s)]; return c.contact && !p.contact; }) || both[0] || scenes[0];
+    if (scene) {
+      told.unshift(el("section", { class: "part" }, el("h2", {}, stays ? "What the parent does" : "Before and after, in one scene"), play, note(`Held-out scene ${scene}, chosen because it tells most of what changed${both.length > 1 ? "; " : ". "}`, both.length > 1 ? link({ tab: "scenes", lineage: best.id }, `${counted(both.length, "such scene")} and the outcome of all`) : null, both.length > 1 ? ". " : null, `Other drivers and seeds may give other outcomes.`)));
+      setTimeout(() => { if (play.isConnected) film(play, scene, stays ? [["Parent", evolved]] : [["Before: parent", result.parent.solution], [`After: ${program}`, evolved]], { height: matchMedia("(max-width: 700px)").matches ? 210 : 270, at: "contact" }); }, 0);
+    }
+  }
+  const exits = ["declined", "invalid", "rejected", "evaluated"], n = (exit) => data.attempts.filter((a) => a.exit === exit).length;
+  const counts = el("p", { id: "counts", class: "note" }, `${counted(data.attempts.length, "attempt")}: `, exits.map((exit) => `${n(exit)} ${exit}`).join(", "), `; ${data.attempts.filter(accepted).length} accepted; ${data.rollouts ?? "–"} rollouts. `, link({ tab: "attempts" }, "All attempts"), " · ", link({ tab: "records" }, "all numbers"), ".");
+  page.replaceChildren(el("div", { class: "answer-grid" }, el("div", {}, ...told.slice(0, 1)), el("section", { class: "part" }, el("h2", {}, `Held-out front of ${best.id}`), el("figure", { id: "answer-front" }, chart))), ...told.slice(1), creditPart(best), counts);
+  fitting(() => plane(chart, best, data.sealed ? "held_out" : "search", { most: 620, height: 340 }));
+}
+// The phrase of the program's structure, the proposer's own words, the first changes, the diff below.
+function mechanismGist(lineage) {
+  const m = lineage.mechanism, headline = headlineOf(lineage) || { contacts: [] };
+  if (!lineage.result) return [note("The run is not finished: what its program does stands here at the end. ", link({ tab: "attempts" }, "Attempts so far"))];
+  if (!m) return [note("No descendant was better by the rule of the experiment, so the program that was published is what the run reports. ", link({ tab: "front", lineage: lineage.id }, "Why"))];
+  const words = m.steps.map(attemptOf).filter((a) => a && a.hypothesis);
+  return [m.says ? el("p", { class: "gist" }, `${capital(m.says)}.`) : null,
+    headline.lineage === lineage.id && headline.contacts.length ? el("p", {}, "Its contacts that count: ", contactsInWords(headline), ".") : null,
+    ...words.map((a) => el("blockquote", {}, lead(a.hypothesis, 420), " ", el("cite", {}, "– ", link({ tab: "attempts", attempt: a.id }, a.id), ", what its proposer expected"))),
+    el("details", { class: "diff-box" }, el("summary", {}, `The change as a diff (${m.diff.split("\n").filter((l) => /^[+-](?![+-])/.test(l)).length} lines)`), diffText(m.diff)),
+    el("p", {}, link({ tab: "mechanism", lineage: lineage.id }, "Every change and expression in words"))];
+}
+const diffText = (text) => el("pre", { class: "diff", tabindex: 0 }, text.split("\n").map((line) => el("span", { class: line.startsWith("+") ? "add" : line.startsWith("-") ? "del" : line.startsWith("@@") ? "hunk" : null }, line + "\n")));
+
+// What `credit` says in words, and its numbers. A patch that cannot be taken out alone has none.
+function creditPart(lineage) {
+  const credit = lineage.credit;
+  if (!credit) return !lineage.mechanism ? null : el("section", { class: "part", id: "credit" }, el("h2", {}, "Credit of each patch"), note("Not worked out yet: ", el("code", {}, "evodrive report --credit"), " plays the chosen program without each of its patches, and adds it here."));
+  const cells = (gain) => [estimate(gain && gain.attack, true), estimate(gain && gain.realism, true)];
+  const rows = credit.edits.map((e) => [{ by: e.name, node: link({ tab: "attempts", attempt: e.name }, e.name) }, ...cells(e.needed), ...cells(e.alone)]);
+  return el("section", { class: "part", id: "credit" }, el("h2", {}, "Credit of each patch"), list(credit.edits.map((e) => e.says)),
+    sortable(["Patch", "attack", "realism", "attack", "realism"], [["all together", ...cells(credit.whole), "–", "–"], ...rows], `credit-${lineage.id}`, { groups: [["", 1], ["Lost without it", 2], ["Alone on the parent", 2]], file: ["patch", ...["lost without it", "alone"].flatMap((of) => [`${of}: attack`, `${of}: realism`])] }),
+    note("On the held-out scenes, paired by scene; in brackets 95 % bootstrap intervals over scenes. Lost without it: the chosen program minus the program without this patch. Alone: the parent with this patch minus the parent. Shares need not add up to the whole, because patches may need each other or do the same."));
+}
+
+// --- the mechanism: every change, the expressions, the diff; and any two programs beside each other
+function drawMechanism() {
+  const lineage = lineageOf(state.lineage) || bestLineage(), m = lineage.mechanism;
+  const expression = (module) => el("div", { class: "module" }, el("h3", {}, `${plain(module.name)} `, el("small", {}, module.what)),
+    el("pre", { class: "outline", tabindex: 0 }, module.outline.map(([depth, line]) => `${"   ".repeat(depth)}${line}\n`)),
+    Object.keys(module.meanings).length ? el("details", {}, el("summary", {}, "What its words mean"), el("dl", {}, Object.entries(module.meanings).flatMap(([name, means]) => [el("dt", {}, plain(name)), el("dd", {}, means)]))) : null);
+  byId("mechanism").replaceChildren(part(`What ${chosenOf(lineage)} does otherwise than its parent`, lineageControls(lineage), ...mechanismGist(lineage).filter((n) => !n || n.tagName !== "P" || !n.querySelector("a[href*='tab=mechanism']"))),
+    m && m.changes && m.changes.length ? part("Every change, in words", list(m.changes)) : null,
+    m && m.modules.length ? part("Its expressions, in words", el("div", { class: "modules" }, m.modules.map(expression))) : null,
+    creditPart(lineage), comparePart(lineage));
+}
+function comparePart(lineage) {
+  const names = Object.keys(data.programs);
+  if (names.length < 2) return null;
+  const a = names.includes(state.a) ? state.a : (lineage.result || {}).parent && names.includes(lineage.result.parent.solution) ? lineage.result.parent.solution : names[0];
+  const b = names.includes(state.b) ? state.b : lineage.result && lineage.result.evolved.solution !== a && names.includes(lineage.result.evolved.solution) ? lineage.result.evolved.solution : names.find((n) => n !== a);
+  const choose = (key, value) => el("select", { id: `compare-${key}`, onchange: (e) => go({ [key]: e.target.value }) }, names.map((n) => option(n, n, n === value)));
+  const of = (name) => { for (const l of data.lineages) { const h = heldOut(l, name); if (h) return h; } return null; };
+  const [first, second] = [of(a), of(b)], rows = [["attack", (h) => h.measured.objectives.attack, 3], [STRICT(), (h) => h.measured.objectives.realism, 4], ["realism", (h) => h.realism_acted, 4], ["coverage", (h) => h.measured.coverage, 2], ["any crash", (h) => h.measured.any_contact, 3]];
+  const play = el("div"), scene = stage.rollouts.filter((p) => p.solution === a).map((p) => p.scene).filter((s) => rolloutOf(b, s));
+  const at = scene.includes(state.scene) ? state.scene : scene.find((s) => !!rolloutOf(a, s).contact !== !!rolloutOf(b, s).contact) || scene[0];
+  if (at) setTimeout(() => { if (play.isConnected) film(play, at, [["A", a], ["B", b]], { height: 260, at: "contact" }); }, 0);
+  return el("section", { class: "part", id: "compare" }, el("h2", {}, "Two programs beside each other"), el("div", { class: "controls" }, el("label", {}, "A ", choose("a", a)), el("label", {}, "B ", choose("b", b)),
+    scene.length ? el("label", {}, "Scene ", el("select", { id: "compare-scene", onchange: (e) => go({ scene: e.target.value }) }, scene.map((s) => option(s, s, s === at)))) : null),
+    first && second ? sortable(["On held-out scenes", "A", "B", "B − A"], rows.map(([name, value, digits]) => [name, [value(first), digits], [value(second), digits], [value(second) - value(first), digits, signed(value(second) - value(first), digits)]]), `compare-${a}-${b}`) : null,
+    at ? play : note("No scene is played with both; ", el("code", {}, `evodrive scenes show --attempt ${b}`), " draws any."),
+    el("h3", {}, "From A to B"), diffText(lineDiff(data.programs[a], data.programs[b])));
+}
+// The lines that differ, with two around each, by the longest common part.
+function lineDiff(one, other) {
+  const a = one.split("\n"), b = other.split("\n"), n = a.length, m = b.length, best = Array.from({ length: n + 1 }, () => new Uint16Array(m + 1));
+  for (let i = n - 1; i >= 0; i--) for (let j = m - 1; j >= 0; j--) best[i][j] = a[i] === b[j] ? best[i + 1][j + 1] + 1 : Math.max(best[i + 1][j], best[i][j + 1]);
+  const lines = [];
+  for (let i = 0, j = 0; i < n || j < m;) {
+    if (i < n && j < m && a[i] === b[j]) { lines.push(` ${a[i]}`); i++; j++; } else if (i < n && (j >= m || best[i + 1][j] >= best[i][j + 1])) lines.push(`-${a[i++]}`); else lines.push(`+${b[j++]}`);
+  }
+  const near = lines.map((_, k) => lines.slice(Math.max(0, k - 2), k + 3).some((l) => l[0] !== " "));
+  const kept = lines.flatMap((l, k) => near[k] ? (k && !near[k - 1] ? ["@@", l] : [l]) : []);
+  return kept.length ? kept.join("\n") : "Both are the same program.";
+}

@@ -1,0 +1,264 @@
+//! The answer first: one sentence a search of what evolved on scenes that stayed closed, how sure it is, and by what.
+
+use serde::Serialize;
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
+
+use super::super::recorded_run::RecordedRun;
+use super::super::tables::{Compared, Estimate, compared, pooled};
+use super::mechanism;
+use crate::kernel::num;
+use crate::objects::{LineageId, Met, SolutionId, event::LineageResult};
+use crate::text::counted;
+
+/// What came of a lineage of the experiment, all its repetitions together.
+#[derive(Clone, Debug, Serialize)]
+pub struct Headline {
+    /// The lineage of the experiment file.
+    pub group: LineageId,
+    /// The repetition that gained most attack: its program is the one that is shown.
+    pub lineage: LineageId,
+    /// How often the search was repeated.
+    pub searches: usize,
+    pub verdict: Verdict,
+    /// Behind the lineage's name.
+    pub says: String,
+    /// What the shown program does otherwise; empty where the parent stays.
+    pub mechanism: String,
+    /// How often the shown program attacks, and how often its parent; empty where that says nothing.
+    pub shares: String,
+    /// Chosen minus parent on the held-out scenes.
+    pub attack: Option<Estimate>,
+    pub realism: Option<Estimate>,
+    /// Of the contacts that count, the share of each class, the largest first; of the shown program.
+    pub contacts: Vec<(String, usize)>,
+    /// How many of them a careful driver could have avoided, and of how many that was assessed.
+    pub avoidable: [usize; 2],
+}
+
+/// What the held-out scenes say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// More of one objective, not less of the other.
+    Gain,
+    /// More of one, less of the other.
+    Trade,
+    /// Another program is reported, and the scenes do not tell it from its parent.
+    Unsure,
+    /// Less of an objective without more of the other.
+    Loss,
+    /// The parent stays.
+    Parent,
+    /// Two numbers without an interval: SafeBench's scores are of whole sets of runs.
+    Plain,
+}
+
+/// Of each lineage of the experiment the repetition that a page shows; none while the run is unfinished.
+pub fn shown(run: &RecordedRun) -> Vec<LineageId> {
+    groups(run).values().filter_map(|of| best(of)).map(|result| result.lineage.clone()).collect()
+}
+
+fn groups(run: &RecordedRun) -> BTreeMap<&LineageId, Vec<&LineageResult>> {
+    let mut groups: BTreeMap<&LineageId, Vec<&LineageResult>> = BTreeMap::new();
+    let results = run.result.iter().flat_map(|result| &result.lineages);
+    results.for_each(|result| groups.entry(&result.group).or_default().push(result));
+    groups
+}
+
+/// The first of those that gained most attack.
+fn best<'r>(of: &[&'r LineageResult]) -> Option<&'r LineageResult> {
+    of.iter().copied().reduce(|best, next| if gain_of(next) > gain_of(best) { next } else { best })
+}
+
+/// A headline a lineage of the experiment, the greatest sure gains of attack first; none while the run is unfinished.
+pub fn headlines(run: &RecordedRun) -> Vec<Headline> {
+    let results: Vec<&LineageResult> = run.result.iter().flat_map(|result| &result.lineages).collect();
+    let mut all: Vec<Headline> = groups(run).into_iter().filter_map(|(group, of)| headline(run, group, &of)).collect();
+    let place = |group: &LineageId| results.iter().position(|result| result.group == *group);
+    all.sort_by(|a, b| {
+        let gain = |of: &Headline| of.attack.map_or(0.0, |attack| attack.value);
+        let unsure = |of: &Headline| side(of.attack) <= 0;
+        let by_verdict =
+            unsure(a).cmp(&unsure(b)).then(if unsure(a) { a.verdict.cmp(&b.verdict) } else { Ordering::Equal });
+        by_verdict.then(gain(b).total_cmp(&gain(a))).then(place(&a.group).cmp(&place(&b.group)))
+    });
+    all
+}
+
+fn gain_of(result: &LineageResult) -> f64 {
+    result.evolved.objectives.attack - result.parent.objectives.attack
+}
+
+fn headline(run: &RecordedRun, group: &LineageId, of: &[&LineageResult]) -> Option<Headline> {
+    let best = best(of)?;
+    let evolved = of.iter().filter(|result| result.evolved.solution != result.parent.solution).count();
+    let quantities: Vec<Compared> = match of {
+        _ if !run.rounds.is_empty() => Vec::new(),
+        [one] => compared((run, &one.parent.solution), (run, &one.evolved.solution))
+            .map(|of| of.quantities)
+            .unwrap_or_default(),
+        _ => {
+            let pairs: Vec<_> =
+                of.iter().map(|one| ((run, &one.parent.solution), (run, &one.evolved.solution))).collect();
+            pooled(&pairs).map(|of| of.quantities).unwrap_or_default()
+        }
+    };
+    let difference = |name: &str| quantities.iter().find(|row| row.quantity == name).map(|row| row.difference);
+    let (mut attack, mut realism) = (difference("attack"), difference("realism"));
+    if quantities.is_empty() {
+        let mean =
+            |of_one: &dyn Fn(&LineageResult) -> f64| num::mean(&of.iter().map(|one| of_one(one)).collect::<Vec<_>>());
+        attack = mean(&gain_of).map(Estimate::plain);
+        realism = mean(&|one| one.evolved.objectives.realism - one.parent.objectives.realism).map(Estimate::plain);
+    }
+    let verdict = if evolved == 0 { Verdict::Parent } else { verdict(attack, realism) };
+    let says = match of.len() {
+        1 => says(verdict, attack, realism),
+        n => format!(
+            "{}, mean of {}{}",
+            says(verdict, attack, realism),
+            counted(n, "search"),
+            match n - evolved {
+                0 => String::new(),
+                kept => format!(", of which {kept} keep the parent"),
+            }
+        ),
+    };
+    Some(Headline {
+        group: group.clone(),
+        lineage: best.lineage.clone(),
+        searches: of.len(),
+        verdict,
+        says,
+        mechanism: mechanism::gist(run, best).unwrap_or_default(),
+        shares: shares(run, best, verdict),
+        attack,
+        realism,
+        contacts: contacts(run, &best.lineage, &best.evolved.solution),
+        avoidable: avoidable(run, &best.lineage, &best.evolved.solution),
+    })
+}
+
+/// Which way an interval lies; 0 where it holds no difference, or where there is none.
+fn side(of: Option<Estimate>) -> i8 {
+    match of.and_then(|of| of.interval) {
+        Some([low, _]) if low > 0.0 => 1,
+        Some([_, high]) if high < 0.0 => -1,
+        _ => 0,
+    }
+}
+
+fn verdict(attack: Option<Estimate>, realism: Option<Estimate>) -> Verdict {
+    if attack.is_some_and(|of| of.interval.is_none()) {
+        return Verdict::Plain;
+    }
+    match (side(attack), side(realism)) {
+        (1, 0 | 1) | (0, 1) => Verdict::Gain,
+        (1, _) | (-1, 1) => Verdict::Trade,
+        (0, 0) => Verdict::Unsure,
+        _ => Verdict::Loss,
+    }
+}
+
+fn says(verdict: Verdict, attack: Option<Estimate>, realism: Option<Estimate>) -> String {
+    let of = |name: &str, estimate: Option<Estimate>| estimate.map(|of| format!("{name} {}", signed(of)));
+    let (attacks, realisms) = (
+        of("attack", attack).unwrap_or_default(),
+        of("realism", realism).unwrap_or_else(|| "no realism to compare".into()),
+    );
+    match (verdict, side(attack), side(realism)) {
+        (Verdict::Parent, ..) => "no gain; the parent stays, because no descendant is better by the rule".into(),
+        (Verdict::Unsure, ..) => format!("no gain that these scenes tell from none: {attacks}, {realisms}"),
+        (Verdict::Plain, ..) => format!("{attacks}, {realisms}"),
+        (Verdict::Gain, 1, 0) => format!("{attacks} at equal realism ({})", realism.map_or("none".into(), signed)),
+        (Verdict::Gain, 0, _) => format!("{realisms} at equal attack ({})", attack.map_or("none".into(), signed)),
+        (Verdict::Gain, ..) => format!("{attacks} and {realisms}"),
+        (Verdict::Trade, 1, _) => format!("{attacks} for {realisms}"),
+        (Verdict::Trade, ..) => format!("{realisms} for {attacks}"),
+        (Verdict::Loss, ..) => format!("worse than its parent: {attacks}, {realisms}"),
+    }
+}
+
+fn signed(of: Estimate) -> String {
+    let number = |value| num::signed(value, 3).replace('-', "−");
+    match of.interval {
+        Some([low, high]) => format!("{} [{}, {}]", number(of.value), number(low), number(high)),
+        None => number(of.value),
+    }
+}
+
+/// The share of scenes with an attack before and after, where one program speaks for itself.
+fn shares(run: &RecordedRun, of: &LineageResult, verdict: Verdict) -> String {
+    let percent = |attack: f64| num::fixed(100.0 * attack, 1);
+    match verdict {
+        Verdict::Parent | Verdict::Plain => String::new(),
+        _ if run.opened.attack.is_some() => String::new(),
+        _ => format!(
+            "attacks in {} % of the scenes, its parent in {} %",
+            percent(of.evolved.objectives.attack),
+            percent(of.parent.objectives.attack)
+        ),
+    }
+}
+
+/// The held-out labels of a program that count as attacks.
+fn counting<'r>(
+    run: &'r RecordedRun,
+    lineage: &'r LineageId,
+    solution: &'r SolutionId,
+) -> impl Iterator<Item = &'r Met> {
+    let held_out = run.held_out.iter().filter(|of| of.lineage == *lineage && of.solution == *solution);
+    let attacks = held_out.flat_map(|of| &of.score.scenes).filter(|label| label.attack > 0.0);
+    attacks.filter_map(|label| label.contact.as_ref())
+}
+
+fn avoidable(run: &RecordedRun, lineage: &LineageId, solution: &SolutionId) -> [usize; 2] {
+    let assessed: Vec<bool> = counting(run, lineage, solution).filter_map(|met| met.avoidable).collect();
+    [assessed.iter().filter(|avoidable| **avoidable).count(), assessed.len()]
+}
+
+/// Classes of the contacts with an adversary that count as attacks.
+fn contacts(run: &RecordedRun, lineage: &LineageId, solution: &SolutionId) -> Vec<(String, usize)> {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for met in counting(run, lineage, solution) {
+        *counts.entry(met.class.as_str()).or_default() += 1;
+    }
+    let mut all: Vec<(String, usize)> = counts.into_iter().map(|(class, n)| (class.to_string(), n)).collect();
+    all.sort_by(|a, b| b.1.cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn estimate(value: f64, low: f64, high: f64) -> Option<Estimate> {
+        Some(Estimate { interval: Some([low, high]), ..Estimate::plain(value) })
+    }
+
+    fn sentence(attack: Option<Estimate>, realism: Option<Estimate>) -> (Verdict, String) {
+        let verdict = verdict(attack, realism);
+        (verdict, says(verdict, attack, realism))
+    }
+
+    #[test]
+    fn a_sentence_claims_no_more_than_its_intervals() {
+        let (up, none, down) =
+            (estimate(0.08, 0.04, 0.12), estimate(0.001, -0.02, 0.03), estimate(-0.05, -0.09, -0.01));
+        let (verdict, text) = sentence(up, none);
+        assert_eq!(verdict, Verdict::Gain);
+        assert_eq!(text, "attack +0.080 [+0.040, +0.120] at equal realism (+0.001 [−0.020, +0.030])");
+        assert_eq!(sentence(up, down).0, Verdict::Trade);
+        assert!(sentence(up, down).1.contains(" for realism −0.050 [−0.090, −0.010]"));
+        assert_eq!(sentence(none, none).0, Verdict::Unsure);
+        assert!(sentence(none, none).1.starts_with("no gain that these scenes tell from none"));
+        assert_eq!(sentence(down, none).0, Verdict::Loss);
+        assert_eq!(sentence(down, up).0, Verdict::Trade);
+        assert!(sentence(none, up).1.contains("at equal attack"));
+        assert_eq!(
+            sentence(Some(Estimate::plain(0.2)), None),
+            (Verdict::Plain, "attack +0.200, no realism to compare".into())
+        );
+    }
+}

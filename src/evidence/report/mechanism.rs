@@ -1,0 +1,233 @@
+//! What a chosen program does otherwise than its parent, for somebody who reads no program: a phrase for the first screen, every change in
+//! words, its expressions as outlines, and the patches that led there.
+
+use serde_json::{Value, json};
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::super::recorded_run::RecordedRun;
+use super::beside::Words;
+use crate::objects::expr::{Expr, outline};
+use crate::objects::{OperatorNode, Program, Setting, Slot, SolutionId, event::LineageResult, program_diff};
+use crate::text::counted;
+
+/// Clauses of a phrase at most: a reader of the first screen wants the gist.
+const CLAUSES_MAX: usize = 3;
+
+/// The difference between a lineage's chosen program and its parent; `None` where the parent stays.
+pub fn of(run: &RecordedRun, result: &LineageResult, words: &Words) -> Option<Value> {
+    let (parent, chosen) = both(run, result)?;
+    let known = |step: &&&Program| step.solution_id != parent.solution_id;
+    let chain = run.chain(&chosen.solution_id);
+    let steps: Vec<Value> = chain.iter().filter(known).map(|step| json!(step.solution_id)).collect();
+    let modules = chosen.mechanism_modules.iter().filter(|(name, module)| {
+        let before = parent.mechanism_modules.get(*name);
+        before.is_none_or(|before| before.expression != module.expression)
+    });
+    let told = |name: &str, what: &str, text: &str| {
+        let meanings: BTreeMap<String, &str> = names(text)
+            .into_iter()
+            .filter_map(|name| words.meanings.get(&name).map(|means| (name, means.as_str())))
+            .collect();
+        json!({"name": name, "what": what, "outline": outline(text), "meanings": meanings})
+    };
+    let rules = chosen
+        .scenario_conditioned_policy
+        .iter()
+        .filter(|rule| !parent.scenario_conditioned_policy.contains(rule))
+        .map(|rule| told(&rule.name, "where this rule holds", &rule.when));
+    let modules =
+        modules.map(|(name, module)| told(name, &module.slot.replace('_', " "), &module.expression)).chain(rules);
+    Some(json!({
+        "says": phrase(parent, chosen),
+        "steps": steps,
+        "changes": words.changes.get(&chosen.solution_id),
+        "modules": modules.collect::<Vec<_>>(),
+        "diff": program_diff(parent, chosen),
+    }))
+}
+
+/// Parent and chosen program, where they differ.
+fn both<'r>(run: &'r RecordedRun, result: &LineageResult) -> Option<(&'r Program, &'r Program)> {
+    let of = |solution: &SolutionId| run.program(solution);
+    let differ = result.parent.solution != result.evolved.solution;
+    differ.then(|| Some((of(&result.parent.solution)?, of(&result.evolved.solution)?))).flatten()
+}
+
+/// The gist of what a lineage's chosen program does now; `None` where the parent stays.
+pub fn gist(run: &RecordedRun, result: &LineageResult) -> Option<String> {
+    both(run, result).map(|(parent, chosen)| phrase(parent, chosen))
+}
+
+fn names(expression: &str) -> BTreeSet<String> {
+    Expr::parse(expression).map(|expr| expr.names()).unwrap_or_default()
+}
+
+/// What is new, the most telling part first.
+fn phrase(parent: &Program, chosen: &Program) -> String {
+    let of = |program: &Program, slot: Slot| -> Vec<OperatorNode> {
+        program.operator_graph.values().filter(|node| node.slot == slot).cloned().collect()
+    };
+    let mut clauses = Vec::new();
+    for slot in TELLING {
+        let (was, is) = (of(parent, slot), of(chosen, slot));
+        let new: Vec<&OperatorNode> = is
+            .iter()
+            .filter(|node| !was.iter().any(|old| old.kind == node.kind && old.settings == node.settings))
+            .collect();
+        let gone = was.len() > is.len();
+        clauses.extend(new.iter().map(|node| clause(node, was.iter().find(|old| old.kind == node.kind))));
+        if gone && new.is_empty() {
+            clauses.push(format!("one {} less", noun(slot)));
+        }
+    }
+    let moved: Vec<&String> = chosen
+        .mechanism_modules
+        .iter()
+        .filter(|(name, module)| {
+            parent.mechanism_modules.get(*name).is_some_and(|old| old.expression != module.expression)
+        })
+        .map(|(name, _)| name)
+        .collect();
+    clauses.extend(moved.iter().map(|name| format!("another {}", plain(name))));
+    let rules = chosen
+        .scenario_conditioned_policy
+        .iter()
+        .filter(|rule| !parent.scenario_conditioned_policy.contains(rule))
+        .count();
+    if rules > 0 {
+        clauses.push(format!("{} for kinds of scenes", counted(rules, "rule")));
+    }
+    let set: Vec<String> = chosen
+        .parameters
+        .iter()
+        .filter(|(name, value)| parent.parameters.get(*name) != Some(value))
+        .map(|(name, _)| plain(name))
+        .collect();
+    match &set[..] {
+        [] => {}
+        [one] => clauses.push(format!("another {one}")),
+        [first, ..] => clauses.push(format!("another {first} and {}", counted(set.len() - 1, "further parameter"))),
+    }
+    let left = clauses.len().saturating_sub(CLAUSES_MAX);
+    clauses.truncate(CLAUSES_MAX);
+    if left > 0 {
+        clauses.push(counted(left, "further change"));
+    }
+    joined(&clauses)
+}
+
+/// What says most of an attack first.
+const TELLING: [Slot; 8] =
+    [Slot::Law, Slot::Actor, Slot::Timing, Slot::Motion, Slot::Search, Slot::Filter, Slot::Select, Slot::Diversity];
+
+fn noun(slot: Slot) -> &'static str {
+    match slot {
+        Slot::Select => "choice of scenes",
+        Slot::Actor => "choice of road users",
+        Slot::Timing => "timing",
+        Slot::Motion => "motion",
+        Slot::Search => "search",
+        Slot::Filter => "filter",
+        Slot::Law => "law",
+        Slot::Diversity => "choice of the candidate",
+    }
+}
+
+/// A node that is not as it was: `old` is one of its kind that was there before.
+fn clause(node: &OperatorNode, old: Option<&OperatorNode>) -> String {
+    let new =
+        || node.settings.iter().filter(|(name, value)| old.is_none_or(|old| old.settings.get(*name) != Some(value)));
+    let modules: Vec<String> = new()
+        .filter_map(|(_, setting)| match setting {
+            Setting::Mechanism(of) => Some(plain(&of.mechanism)),
+            _ => None,
+        })
+        .collect();
+    let by = if modules.is_empty() { String::new() } else { format!(" ({})", modules.join(", ")) };
+    let count = match node.settings.get("count") {
+        Some(Setting::Number(count)) if *count >= 1.0 => Some(*count as usize),
+        _ => None,
+    };
+    let (noun, kind) = (noun(node.slot), plain(&node.kind));
+    match (node.slot, count, old) {
+        (Slot::Law, ..) => format!("road users that answer the ego as they drive{by}"),
+        (Slot::Actor, Some(1), _) => format!("one adversary, chosen by rank{by}"),
+        (Slot::Actor, Some(count), _) => format!("{count} adversaries, chosen by rank{by}"),
+        (_, _, None) if kind.contains(noun.rsplit(' ').next().unwrap_or(noun)) => format!("a {kind}{by}"),
+        (_, _, None) => format!("the {noun} by {kind}{by}"),
+        (slot, ..) => {
+            let value = |setting: &Setting| match setting {
+                Setting::Number(number) => format!(" {number}"),
+                Setting::Choice(word) => format!(" {}", plain(word)),
+                Setting::Parameter(_) | Setting::Mechanism(_) => String::new(),
+            };
+            let set: Vec<String> = new().take(2).map(|(name, of)| format!("{}{}", plain(name), value(of))).collect();
+            let noun = if slot == Slot::Actor { "road users" } else { noun };
+            match set.is_empty() {
+                true => format!("fewer settings of the {noun}"),
+                false => format!("{noun} with {}{by}", joined(&set)),
+            }
+        }
+    }
+}
+
+fn plain(name: &str) -> String {
+    name.replace('_', " ")
+}
+
+/// `a, b and c`.
+pub fn joined(clauses: &[String]) -> String {
+    match clauses {
+        [] => String::new(),
+        [one] => one.clone(),
+        [all @ .., last] => format!("{} and {last}", all.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::from_value;
+
+    fn program(graph: Value, modules: Value, parameters: Value) -> Program {
+        from_value(json!({
+            "solution_id": "at-idm/parent", "lineage_id": "at-idm", "source_family": "at", "generation": 0,
+            "parameters": parameters, "operator_graph": graph, "scenario_conditioned_policy": [],
+            "mechanism_modules": modules, "compile_contract": {"backend": "metadrive", "constraints": []},
+            "ancestor_chain": [],
+        }))
+        .unwrap()
+    }
+
+    #[test]
+    fn a_setting_that_changed_is_named_with_its_value() {
+        let actor = |shape: &str| json!({"actor": {"slot": "actor", "kind": "inserted_actor", "settings": {"shape": shape, "gap_m": 3.0}, "inputs": []}});
+        let [before, after] = ["vehicle", "cyclist"].map(|shape| program(actor(shape), json!({}), json!({})));
+        assert_eq!(phrase(&before, &after), "road users with shape cyclist");
+    }
+
+    #[test]
+    fn the_phrase_names_the_law_before_numbers_and_says_how_much_it_leaves_out() {
+        let actor =
+            |kind: &str, settings: Value| json!({"slot": "actor", "kind": kind, "settings": settings, "inputs": []});
+        let before =
+            program(json!({"actor": actor("marked_actor", json!({}))}), json!({}), json!({"a_m": 1.0, "b_m": 1.0}));
+        let law =
+            json!({"slot": "law", "kind": "obey_law", "settings": {"offset": {"mechanism": "lean_in"}}, "inputs": []});
+        let ranked = actor("ranked_actors", json!({"count": 2.0}));
+        let after = program(json!({"actor": ranked, "law": law}), json!({}), json!({"a_m": 2.0, "b_m": 1.0}));
+        assert_eq!(
+            phrase(&before, &after),
+            "road users that answer the ego as they drive (lean in), 2 adversaries, chosen by rank and another a m"
+        );
+        assert_eq!(phrase(&before, &before), "");
+        let timed = json!({"slot": "timing", "kind": "conflict_window", "settings": {}, "inputs": []});
+        let filter = json!({"slot": "filter", "kind": "guard_filter", "settings": {}, "inputs": []});
+        let more = program(
+            json!({"actor": actor("ranked_actors", json!({"count": 2.0})), "law": law, "timing": timed, "filter": filter}),
+            json!({}),
+            json!({"a_m": 2.0, "b_m": 3.0}),
+        );
+        assert!(phrase(&before, &more).ends_with("and 2 further changes"), "{}", phrase(&before, &more));
+    }
+}

@@ -3,12 +3,13 @@
 
 use std::fmt::Write as _;
 
-use super::drawing::Drawing;
+use super::drawing::{Drawing, Role};
 use super::figure::{Anchor, Figure};
 use super::helvetica::wrapped;
 use super::panel::{Panel, panel};
 use super::player::escaped;
 use super::svg::{Frame, SvgOptions, Theme, View, key_of_roles, told_moment};
+use crate::kernel::Vec2;
 
 /// How a strip is made.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,17 +41,27 @@ pub fn even_steps(first: usize, last: usize, count: usize) -> Vec<usize> {
     steps
 }
 
-/// The panels before the contact show it closely: so many at the end of a strip, this wide, metres.
+/// The last panels show the contact closely: so many, this wide and what is around who comes to it, metres.
 const CLOSE_PANELS: usize = 2;
-const CLOSE_M: f64 = 36.0;
+const CLOSE_M: (f64, f64) = (36.0, 90.0);
+const CLOSE_AROUND_M: f64 = 8.0;
 
-/// What the panel at a place of the strip shows: the last ones the contact, where there is one and others come before them.
+/// What the panel at a place of the strip shows: the last ones the contact with ego and adversaries, where there is one and others come before them.
 fn view_of(drawing: &Drawing, options: &StripOptions, whole: &View, place: usize) -> View {
     let close = options.steps.len() > CLOSE_PANELS && place + CLOSE_PANELS >= options.steps.len();
-    match drawing.contact.as_ref().filter(|_| close) {
-        Some(contact) => whole.zoomed(contact.point, CLOSE_M.min(whole.width_m())),
-        None => whole.zoomed(whole.middle(), whole.width_m()),
-    }
+    let Some(contact) = drawing.contact.as_ref().filter(|_| close) else {
+        return whole.zoomed(whole.middle(), whole.width_m());
+    };
+    let step = options.steps[options.steps.len() - CLOSE_PANELS];
+    let shape = whole.width_px / whole.height_px;
+    let reach =
+        drawing.actors.iter().filter(|actor| matches!(actor.role, Role::Ego | Role::Adversary)).filter_map(|actor| {
+            let [x, y, ..] = (*actor.samples.get(step)?)?;
+            let away = Vec2::new(x, y) - contact.point;
+            Some(away.x.abs().max(away.y.abs() * shape) + CLOSE_AROUND_M)
+        });
+    let wide = 2.0 * reach.fold(0.0, f64::max);
+    whole.zoomed(contact.point, wide.clamp(CLOSE_M.0, CLOSE_M.1).min(whole.width_m()))
 }
 
 /// Sizes of a strip on paper, points: of letters, between panels, and of the line below them.

@@ -495,7 +495,7 @@ pub(super) fn labels(drawing: &Drawing, view: &View, step: usize, all: bool, let
 }
 
 /// Letters of a picture's words, and how far the mark of a contact reaches.
-pub(super) const LETTERS: Letters = Letters { advance_px: 7.3, line_px: 16.0 };
+pub(super) const LETTERS: Letters = Letters { advance_px: 8.2, line_px: 16.0 };
 const CONTACT_PX: f64 = 22.0;
 
 fn draw_labels(out: &mut String, labels: &[Label], palette: &Palette) {

@@ -178,7 +178,7 @@ fn somebody_small_has_a_glyph_that_is_seen_and_words_stay_in_every_panel() {
         let words = words(panel);
         assert!(words.iter().any(|(.., said)| said.starts_with("inserted cyclist")), "{words:?}");
         for (x, y, said) in &words {
-            let right = x + 7.3 * said.chars().count() as f64;
+            let right = x + 8.2 * said.chars().count() as f64;
             assert!(*x >= 0.0 && right <= 320.0 && *y > 8.0 && *y <= height, "{said} at {x}, {y}");
         }
     }

@@ -11,7 +11,7 @@ use crate::objects::{Program, SceneScore, SolutionId, event::LineageResult};
 use crate::scene::{DT_S, Scene};
 use crate::sim::{self, ActorRef, ActorTrace, End, Outcome, Trace};
 
-/// Held-out scenes of a lineage that can be played, and of the one that gained most attack.
+/// Held-out scenes of a lineage that can be played, and of the one that a reader meets first.
 const SCENES_MAX: usize = 3;
 const SCENES_OF_THE_BEST_MAX: usize = 12;
 
@@ -24,13 +24,12 @@ pub fn choose(player: &Player<'_>, run: &RecordedRun, threads: &Threads) -> Stag
     let study = player.study;
     let shown = report::shown(run);
     let specs: Vec<&LineageSpec> = study.lineages.iter().filter(|spec| shown.contains(&spec.id)).collect();
-    let best = specs.iter().copied().reduce(|best, next| if gain(run, next) > gain(run, best) { next } else { best });
     let room = (ROLLOUTS_MAX.saturating_sub(2 * SCENES_OF_THE_BEST_MAX) / SCENES_MAX / specs.len().max(1)).max(2);
     let mut stage = Stage { repetitions_left_out: study.lineages.len() - specs.len(), ..Stage::default() };
     let (mut all, mut replays) = (Vec::new(), Vec::new());
     for spec in specs {
         let programs: Vec<(SolutionId, String)> = programs(run, spec).into_iter().take(room).collect();
-        let most = if best.is_some_and(|best| best.id == spec.id) { SCENES_OF_THE_BEST_MAX } else { SCENES_MAX };
+        let most = if shown.first() == Some(&spec.id) { SCENES_OF_THE_BEST_MAX } else { SCENES_MAX };
         for (nth, place) in scenes(study, run, spec, most).into_iter().enumerate() {
             // Beyond the first few only before and after.
             let shown = programs.iter().take(if nth < SCENES_MAX { programs.len() } else { 2 });
@@ -75,10 +74,6 @@ pub fn choose(player: &Player<'_>, run: &RecordedRun, threads: &Threads) -> Stag
 
 fn result<'r>(run: &'r RecordedRun, spec: &LineageSpec) -> Option<&'r LineageResult> {
     run.result.as_ref()?.lineages.iter().find(|of| of.lineage == spec.id)
-}
-
-fn gain(run: &RecordedRun, spec: &LineageSpec) -> f64 {
-    result(run, spec).map_or(0.0, |of| of.evolved.objectives.attack - of.parent.objectives.attack)
 }
 
 /// The chosen one first, then the parent, then whoever else was measured on the held-out scenes.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::super::recorded_run::RecordedRun;
-use super::headline::{self, Headline, Verdict};
+use super::headline::{Headline, Verdict};
 use super::stage::Stage;
 use super::trust::{self, Standing};
 use crate::draw::escaped;
@@ -30,8 +30,7 @@ pub fn header(run: &RecordedRun) -> String {
 }
 
 /// One sentence a lineage, then the badges.
-pub fn html(run: &RecordedRun, stage: &Stage) -> String {
-    let headlines = headline::headlines(run);
+pub fn html(run: &RecordedRun, headlines: &[Headline], stage: &Stage) -> String {
     let mut out = String::from("<section class=\"part\" id=\"answers\"><h2>What evolved</h2>\n");
     if headlines.is_empty() {
         out.push_str("<p>The run is not finished: the answer comes when the held-out scenes are opened, after the last epoch.</p>\n");
@@ -81,7 +80,14 @@ fn row(out: &mut String, of: &Headline) {
         (Verdict::Gain | Verdict::Trade | Verdict::Plain, mechanism) => format!(", by <i>{}</i>", escaped(mechanism)),
         (_, mechanism) => format!(" <span class=\"tried\">(with {})</span>", escaped(mechanism)),
     };
-    let shares = if of.shares.is_empty() { String::new() } else { format!(" It {}.", escaped(&of.shares)) };
+    let shares = if of.shares.is_empty() {
+        String::new()
+    } else {
+        {
+            let who = if of.searches > 1 { "This one" } else { "It" };
+            format!(" {who} {}.", escaped(&of.shares))
+        }
+    };
     let _ = writeln!(
         out,
         "<li class=\"{class}\" data-lineage=\"{}\"><span class=\"mark\" aria-hidden=\"true\">{mark}</span> <span><b>{}</b>: {}{by}.{shares}</span></li>",

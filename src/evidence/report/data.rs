@@ -7,9 +7,10 @@ use super::super::choice::Choice;
 use super::super::recorded_run::RecordedRun;
 use super::super::tables::compared;
 use super::beside::Beside;
+use super::headline::Headline;
 use super::stage::Stage;
 use super::terms::terms;
-use super::{credit, growth, headline, mechanism, pairs, spread, trust};
+use super::{credit, growth, mechanism, pairs, spread, trust};
 use crate::evidence::evaluator::Evolution;
 use crate::evidence::realism::Realisms;
 use crate::evidence::{audit, unlabelled};
@@ -35,7 +36,7 @@ const ROLES: [Role; 7] = [
 ];
 
 /// Everything but the player's scenes.
-pub fn of(run: &RecordedRun, stage: &Stage, beside: &Beside<'_>) -> Value {
+pub fn of(run: &RecordedRun, headlines: &[Headline], stage: &Stage, beside: &Beside<'_>) -> Value {
     let names = Names::of(run);
     let lineages: Vec<Value> = run.parents.iter().map(|p| lineage(run, &p.lineage, &names, beside)).collect();
     let mut page = json!({
@@ -53,11 +54,11 @@ pub fn of(run: &RecordedRun, stage: &Stage, beside: &Beside<'_>) -> Value {
         "exits": run.result.as_ref().map(|r| r.exits),
         "rollouts": run.result.as_ref().map(|r| r.rollouts),
         "replay": run.replays.iter().map(|replayed| &replayed.row).collect::<Vec<_>>(),
-        "headlines": headline::headlines(run),
+        "headlines": headlines,
         "badges": trust::badges(run, stage),
         "realism_min": beside.selector.realism_min,
         "classes": names.classes,
-        "programs": programs(run),
+        "programs": programs(run, headlines),
         "lineages": lineages,
         "counsels": run.counsels.iter().map(counsel).collect::<Vec<_>>(),
         "cost": beside.cost,
@@ -86,9 +87,8 @@ pub fn of(run: &RecordedRun, stage: &Stage, beside: &Beside<'_>) -> Value {
 
 /// Texts of the programs that were measured on the held-out scenes, so that a reader compares any two; of a search that is repeated those of
 /// the repetition that is shown.
-fn programs(run: &RecordedRun) -> BTreeMap<String, String> {
-    let shown = headline::shown(run);
-    let own = run.held_out.iter().filter(|of| shown.contains(&of.lineage));
+fn programs(run: &RecordedRun, headlines: &[Headline]) -> BTreeMap<String, String> {
+    let own = run.held_out.iter().filter(|of| headlines.iter().any(|headline| headline.lineage == of.lineage));
     own.filter_map(|of| Some((of.solution.to_string(), program_text(run.program(&of.solution)?)))).collect()
 }
 

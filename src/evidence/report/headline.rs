@@ -25,14 +25,14 @@ pub struct Headline {
     pub says: String,
     /// What the shown program does otherwise; empty where the parent stays.
     pub mechanism: String,
-    /// How often the shown program attacks, and how often its parent; empty where that says nothing.
+    /// How often the shown program attacks and how often its parent, and what could have been avoided; empty where that says nothing.
     pub shares: String,
     /// Chosen minus parent on the held-out scenes.
     pub attack: Option<Estimate>,
     pub realism: Option<Estimate>,
     /// Of the contacts that count, the share of each class, the largest first; of the shown program.
     pub contacts: Vec<(String, usize)>,
-    /// How many of them a careful driver could have avoided, and of how many that was assessed.
+    /// How many of them the ego could have avoided, and of how many that was assessed.
     pub avoidable: [usize; 2],
 }
 
@@ -54,9 +54,9 @@ pub enum Verdict {
     Plain,
 }
 
-/// Of each lineage of the experiment the repetition that a page shows; none while the run is unfinished.
+/// Of each lineage of the experiment the repetition that a page shows, in the order of their headlines; none while the run is unfinished.
 pub fn shown(run: &RecordedRun) -> Vec<LineageId> {
-    groups(run).values().filter_map(|of| best(of)).map(|result| result.lineage.clone()).collect()
+    headlines(run).into_iter().map(|headline| headline.lineage).collect()
 }
 
 fn groups(run: &RecordedRun) -> BTreeMap<&LineageId, Vec<&LineageResult>> {
@@ -188,17 +188,21 @@ fn signed(of: Estimate) -> String {
     }
 }
 
-/// The share of scenes with an attack before and after, where one program speaks for itself.
+/// The share of scenes with an attack before and after, and how many of these contacts the ego could have avoided, where one program
+/// speaks for itself.
 fn shares(run: &RecordedRun, of: &LineageResult, verdict: Verdict) -> String {
     let percent = |attack: f64| num::fixed(100.0 * attack, 1);
-    match verdict {
-        Verdict::Parent | Verdict::Plain => String::new(),
-        _ if run.opened.attack.is_some() => String::new(),
-        _ => format!(
-            "attacks in {} % of the scenes, its parent in {} %",
-            percent(of.evolved.objectives.attack),
-            percent(of.parent.objectives.attack)
-        ),
+    if matches!(verdict, Verdict::Parent | Verdict::Plain) || run.opened.attack.is_some() {
+        return String::new();
+    }
+    let (is, was) = (percent(of.evolved.objectives.attack), percent(of.parent.objectives.attack));
+    let said = format!("attacks in {is} % of the scenes, its parent in {was} %");
+    match avoidable(run, &of.lineage, &of.evolved.solution) {
+        [_, 0] => said,
+        [avoidable, assessed] => {
+            let share = num::fixed(100.0 * avoidable as f64 / assessed as f64, 0);
+            format!("{said}; the ego could have avoided {share} % of its contacts")
+        }
     }
 }
 

@@ -43,13 +43,14 @@ const SCRIPT: [&str; 11] = [
 /// The page. Text from scenes, models and programs goes in as JSON and reaches the page as text nodes, but for the first
 /// screen, which is escaped markup.
 pub fn html(run: &RecordedRun, stage: &Stage, beside: &Beside<'_>) -> String {
-    let data = script_json(&(data::of(run, stage, beside), packed::stage(stage), figures::of_run(run)));
+    let headlines = headline::headlines(run);
+    let data = script_json(&(data::of(run, &headlines, stage, beside), packed::stage(stage), figures::of_run(run)));
     // One pass over the page, so that nothing inserted is searched for another mark.
     let parts = [
         ("/*TITLE*/", format!("{} – EvoDrive report", escaped(&run.opened.name))),
         ("/*STYLE*/", format!("{PLAYER_CSS}\n{STYLE}")),
         ("/*HEADER*/", answer::header(run)),
-        ("/*ANSWER*/", answer::html(run, stage)),
+        ("/*ANSWER*/", answer::html(run, &headlines, stage)),
         ("/*DATA*/", packed::held(data)),
         ("/*PLAYER*/", PLAYER_JS.into()),
         ("/*SCRIPT*/", format!("{UNPACK}\n{}", SCRIPT.join("\n"))),

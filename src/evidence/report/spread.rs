@@ -19,7 +19,7 @@ pub fn of(labels: &[SceneScore]) -> Option<[[f64; 2]; 2]> {
     for _ in 0..RESAMPLES {
         let drawn: Vec<&SceneScore> = (0..labels.len()).map(|_| &labels[stream.below(labels.len())]).collect();
         attacks.push(num::sum(drawn.iter().map(|label| label.attack)) / drawn.len() as f64);
-        realisms.extend(RealismSums::of(drawn.into_iter()).realism());
+        realisms.extend(RealismSums::of(drawn).realism());
     }
     Some([interval(&attacks)?, interval(&realisms)?])
 }

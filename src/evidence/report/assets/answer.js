@@ -1,7 +1,7 @@
 // --- the first screen: what evolved, by how much, by what, and why it can be believed
 const VERDICTS = { gain: ["▲", "gained"], trade: ["◆", "traded"], unsure: ["○", "no gain"], loss: ["▼", "lost"], parent: ["=", "parent stays"], plain: ["●", "no interval"] };
 const lead = (text, most) => { if (text.length <= most) return text; const cut = text.slice(0, most), stop = Math.max(cut.lastIndexOf(". "), cut.lastIndexOf("; ")); return stop > most / 2 ? cut.slice(0, stop + 1) : `${cut.slice(0, cut.lastIndexOf(" "))} …`; };
-const contactsInWords = ({ contacts, avoidable: [avoidable, assessed] }) => { const all = contacts.reduce((sum, [, n]) => sum + n, 0); return contacts.slice(0, 2).map(([name, n]) => `${plain(name)} ${fixed(100 * n / all, 0)} %`).join(", ") + (assessed ? `; a careful driver could have avoided ${fixed(100 * avoidable / assessed, 0)} % of ${assessed}` : ""); };
+const contactsInWords = ({ contacts, avoidable: [avoidable, assessed] }) => { const all = contacts.reduce((sum, [, n]) => sum + n, 0); return contacts.slice(0, 2).map(([name, n]) => `${plain(name)} ${fixed(100 * n / all, 0)} %`).join(", ") + (assessed ? `; the ego could have avoided ${fixed(100 * avoidable / assessed, 0)} % of ${assessed}` : ""); };
 
 function drawAnswer() {
   const best = bestLineage(), headline = best && headlineOf(best), page = byId("answer-more"), result = best && best.result;

@@ -16,7 +16,7 @@ pub fn header(run: &RecordedRun) -> String {
         let mut egos: Vec<&str> = run.parents.iter().map(|parent| run.ego_name(&parent.ego)).collect();
         egos.sort_unstable();
         egos.dedup();
-        egos.into_iter().map(str::to_uppercase).collect()
+        egos.into_iter().map(|ego| if ego == "idm" { "IDM".into() } else { ego.to_string() }).collect()
     };
     let protocol = if run.rounds.is_empty() { "" } else { ", SafeBench's protocol" };
     format!(
@@ -38,11 +38,17 @@ pub fn html(run: &RecordedRun, headlines: &[Headline], stage: &Stage) -> String 
         out.push_str("<ul class=\"answers\">\n");
         headlines.iter().for_each(|headline| row(&mut out, headline));
         let plain = headlines.iter().any(|of| of.verdict == Verdict::Plain);
-        let sure = if plain { "" } else { "; in brackets 95 % intervals over scenes" };
+        let (sure, measures) = match plain {
+            true => ("", "CR and ARS: SafeBench's scores of attack and of realism"),
+            false => (
+                "; in brackets 95 % intervals over scenes",
+                "Attack: share of scenes in which the ego meets the program's road user in a way that counts. Realism: 1 where motion is within \
+                 what recorded traffic shows",
+            ),
+        };
         let _ = writeln!(
             out,
-            "</ul>\n<p class=\"note\">Each line: the chosen program less the published one that it began with{sure}. Attack: share of scenes in which the \
-             ego meets the program's road user in a way that counts. Realism: 1 where motion is within what recorded traffic shows.</p>"
+            "</ul>\n<p class=\"note\">Each line: the chosen program less the published one that it began with{sure}. {measures}.</p>"
         );
     }
     out.push_str("<ul class=\"badges\" aria-label=\"Why it can be believed\">\n");

@@ -170,7 +170,10 @@ fn says(verdict: Verdict, attack: Option<Estimate>, realism: Option<Estimate>) -
     match (verdict, side(attack), side(realism)) {
         (Verdict::Parent, ..) => "no gain; the parent stays, because no descendant is better by the rule".into(),
         (Verdict::Unsure, ..) => format!("no gain that these scenes tell from none: {attacks}, {realisms}"),
-        (Verdict::Plain, ..) => format!("{attacks}, {realisms}"),
+        // SafeBench's own scores.
+        (Verdict::Plain, ..) => {
+            [of("CR", attack), of("ARS", realism)].into_iter().flatten().collect::<Vec<_>>().join(", ")
+        }
         (Verdict::Gain, 1, 0) => format!("{attacks} at equal realism ({})", realism.map_or("none".into(), signed)),
         (Verdict::Gain, 0, _) => format!("{realisms} at equal attack ({})", attack.map_or("none".into(), signed)),
         (Verdict::Gain, ..) => format!("{attacks} and {realisms}"),
@@ -260,9 +263,6 @@ mod tests {
         assert_eq!(sentence(down, none).0, Verdict::Loss);
         assert_eq!(sentence(down, up).0, Verdict::Trade);
         assert!(sentence(none, up).1.contains("at equal attack"));
-        assert_eq!(
-            sentence(Some(Estimate::plain(0.2)), None),
-            (Verdict::Plain, "attack +0.200, no realism to compare".into())
-        );
+        assert_eq!(sentence(Some(Estimate::plain(0.2)), None), (Verdict::Plain, "CR +0.200".into()));
     }
 }

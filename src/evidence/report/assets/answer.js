@@ -22,7 +22,7 @@ function drawAnswer() {
   }
   const exits = ["declined", "invalid", "rejected", "evaluated"], n = (exit) => data.attempts.filter((a) => a.exit === exit).length;
   const counts = el("p", { id: "counts", class: "note" }, `${counted(data.attempts.length, "attempt")}: `, exits.map((exit) => `${n(exit)} ${exit}`).join(", "), `; ${data.attempts.filter(accepted).length} accepted; ${data.rollouts ?? "–"} rollouts. `, link({ tab: "attempts" }, "All attempts"), " · ", link({ tab: "records" }, "all numbers"), ".");
-  page.replaceChildren(el("div", { class: "answer-grid" }, el("div", {}, ...told.slice(0, 1)), el("section", { class: "part" }, el("h2", {}, `Held-out front of ${best.id}`), el("figure", { id: "answer-front" }, chart))), ...told.slice(1), creditPart(best), counts);
+  put(page, el("div", { class: told.length ? "answer-grid" : null }, told.length ? el("div", {}, ...told.slice(0, 1)) : null, el("section", { class: "part" }, el("h2", {}, result ? `Held-out front of ${best.id}` : `The front of ${best.id} so far`), el("figure", { id: "answer-front" }, chart))), ...told.slice(1), creditPart(best), counts);
   fitting(() => plane(chart, best, data.sealed ? "held_out" : "search", { most: 620, height: 340 }));
 }
 // The phrase of the program's structure, the proposer's own words, the first changes, the diff below.
@@ -56,7 +56,7 @@ function drawMechanism() {
   const expression = (module) => el("div", { class: "module" }, el("h3", {}, `${plain(module.name)} `, el("small", {}, module.what)),
     el("pre", { class: "outline", tabindex: 0 }, module.outline.map(([depth, line]) => `${"   ".repeat(depth)}${line}\n`)),
     Object.keys(module.meanings).length ? el("details", {}, el("summary", {}, "What its words mean"), el("dl", {}, Object.entries(module.meanings).flatMap(([name, means]) => [el("dt", {}, plain(name)), el("dd", {}, means)]))) : null);
-  byId("mechanism").replaceChildren(part(`What ${chosenOf(lineage)} does otherwise than its parent`, lineageControls(lineage), ...mechanismGist(lineage).filter((n) => !n || n.tagName !== "P" || !n.querySelector("a[href*='tab=mechanism']"))),
+  put(byId("mechanism"), part(`What ${chosenOf(lineage)} does otherwise than its parent`, lineageControls(lineage), ...mechanismGist(lineage).filter((n) => !n || n.tagName !== "P" || !n.querySelector("a[href*='tab=mechanism']"))),
     m && m.changes && m.changes.length ? part("Every change, in words", list(m.changes)) : null,
     m && m.modules.length ? part("Its expressions, in words", el("div", { class: "modules" }, m.modules.map(expression))) : null,
     creditPart(lineage), comparePart(lineage));

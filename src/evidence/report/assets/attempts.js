@@ -23,7 +23,7 @@ function drawAttempts() {
     const inShort = data.attempts.filter((a) => a.in_short).length;
     attemptList = virtual([], 54, attemptRow, "Attempts");
     attemptList.box.id = "attempt-list";
-    page.replaceChildren(el("section", { class: "part" }, el("h2", {}, "Attempts"), el("div", { class: "controls" },
+    put(page, el("section", { class: "part" }, el("h2", {}, "Attempts"), el("div", { class: "controls" },
       el("label", {}, "Search ", el("input", { id: "filter-q", type: "search", placeholder: "hypothesis, tag, id", oninput: (e) => { go({ q: e.target.value }, { quiet: true }); updateAttempts(); } })),
       data.lineages.length > 1 ? choose("lineage", "Lineage", data.lineages.map((l) => [l.id, l.id])) : null, families.length > 1 ? choose("family", "Family", families.map((f) => [f, f])) : null,
       choose("exit", "State", Object.keys(SIGNS).map((s) => [s, s])), met.length ? choose("met", "Contact", met.map((m) => [m, plain(m)])) : null,

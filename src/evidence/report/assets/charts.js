@@ -31,10 +31,12 @@ function labelled(chart, labels, taken) {
   const [left, top, right, bottom] = chart.box;
   for (const { x, y, text, bold } of labels) {
     const w = 6.9 * text.length + 6, h = 15;
-    const places = [[10, -9], [10, 18], [-w - 8, -9], [-w - 8, 18], [-w / 2, -14], [-w / 2, 26], [12, 5], [-w - 10, 5], [14, -26], [-w - 8, -26], [14, 34], [-w - 8, 34]];
+    const places = [[10, -9], [10, 18], [-w - 8, -9], [-w - 8, 18], [-w / 2, -14], [-w / 2, 26], [12, 5], [-w - 10, 5], [14, -26], [-w - 8, -26], [14, 34], [-w - 8, 34], [-w - 8, 51], [14, 51], [-w - 8, -43], [14, -43]];
     const boxes = places.map(([dx, dy]) => [x + dx, y + dy - h + 3, x + dx + w, y + dy + 3]);
     const free = (b) => b[0] >= left - 2 && b[2] <= right + 8 && b[1] >= top - 8 && b[3] <= bottom && !taken.some((t) => b[0] < t[2] && t[0] < b[2] && b[1] < t[3] && t[1] < b[3]);
-    const box = boxes.find(free) || boxes.find((b) => b[0] >= left && b[2] <= right + 8) || [Math.max(left, Math.min(x - w / 2, right - w)), y - 26, 0, y - 11];
+    // Where nothing is free, what covers least.
+    const covers = (b) => (b[0] < left - 2 || b[2] > right + 8 || b[1] < top - 8 ? 1e6 : 0) + taken.reduce((sum, t) => sum + Math.max(0, Math.min(b[2], t[2]) - Math.max(b[0], t[0])) * Math.max(0, Math.min(b[3], t[3]) - Math.max(b[1], t[1])), 0);
+    const box = boxes.find(free) || boxes.reduce((best, b) => covers(b) < covers(best) ? b : best);
     taken.push([box[0], box[1], box[0] + w, box[1] + h]);
     chart.root.append(svg("text", { class: bold ? "label bold" : "label", x: box[0], y: box[1] + h - 3 }, text));
   }

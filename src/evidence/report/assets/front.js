@@ -80,7 +80,7 @@ function growthChart(place, lineage) {
 function drawFront() {
   const lineage = lineageOf(state.lineage) || bestLineage(), suite = SUITES[state.suite] ? state.suite : data.sealed ? "held_out" : "search", page = byId("front");
   const chart = el("div"), growth = el("div"), tree = el("div");
-  page.replaceChildren(part("Attack–realism front", lineageControls(lineage, el("label", {}, "Measured on ", el("select", { id: "front-suite", onchange: (e) => go({ suite: e.target.value }) }, Object.entries(SUITES).map(([value, words]) => option(value, words, value === suite))))),
+  put(page, part("Attack–realism front", lineageControls(lineage, el("label", {}, "Measured on ", el("select", { id: "front-suite", onchange: (e) => go({ suite: e.target.value }) }, Object.entries(SUITES).map(([value, words]) => option(value, words, value === suite))))),
     el("div", { class: "charts" }, el("figure", { id: "front-chart" }, chart), el("figure", { id: "hv-chart" }, el("h3", {}, "How the front grew"), growth)), signLegend()), choicePart(lineage), tree);
   fitting(() => plane(chart, lineage, suite)); fitting(() => growthChart(growth, lineage));
 }
@@ -121,6 +121,6 @@ function drawLineage() {
     root.append(node);
     if (chain.has(a.id)) root.append(svg("text", { class: "label bold", x: at(a)[0], y: at(a)[1] - 11, "text-anchor": "middle" }, `e${a.epoch}s${a.slot}`));
   }
-  byId("lineage").replaceChildren(part("Lineage", lineageControls(lineage), ...(lineage.origins || []).map((origin) => note(`parent from ${origin}`)), el("div", { id: "tree" }, scroller(root)), signLegend(),
+  put(byId("lineage"), part("Lineage", lineageControls(lineage), ...(lineage.origins || []).map((origin) => note(`parent from ${origin}`)), el("div", { id: "tree" }, scroller(root)), signLegend(),
     note("Each sign is an attempt, epochs from left to right, an edge from the program that it edited. The thick way leads to the chosen program. Click a sign for its whole story.")));
 }

@@ -80,7 +80,7 @@ function resultPart() {
 function drawRecords() {
   const breaches = data.findings.filter((f) => f.gravity === "breach").length, models = Object.entries(data.models);
   const marks = { holds: "✓", note: "!", against: "✗", unknown: "?" };
-  byId("records").replaceChildren(resultPart(),
+  put(byId("records"), resultPart(),
     el("section", { class: "part", id: "audit" }, el("h2", {}, "Audit"), note(!data.findings.length ? "No findings: the record is consistent and keeps the rules that every run must keep." : breaches ? `${breaches} breaches: the result cannot be trusted.` : "The record is sound. Notes for whoever uses the result:"), list(data.findings.map((f) => `${f.gravity} (${f.check}) ${f.place}: ${f.what}`))),
     part("What speaks for it", el("dl", { class: "badge-list" }, data.badges.flatMap((b) => [el("dt", { class: `is-${b.standing}` }, `${marks[b.standing]} ${b.says}`), el("dd", {}, b.rests_on)]))),
     part("Provenance", el("dl", {}, [[data.sealed ? "root" : "unfinished run, last event", data.root], ["experiment", data.experiment], ["scene pool", data.pool], ["versions", `adapter ${data.versions.adapter}, sim ${data.versions.sim}, eval ${data.versions.eval}`], ["scenes", `${data.evolution_scenes} evolution, ${data.held_out_scenes} held out`], ...models.map(([role, model]) => [plain(role), model])].flatMap(([name, value]) => [el("dt", {}, name), el("dd", { class: "mono" }, String(value))]))),

@@ -17,6 +17,8 @@ function el(name, attributes = {}, ...children) {
   return node;
 }
 const svg = (name, attributes = {}, ...children) => filled(document.createElementNS("http://www.w3.org/2000/svg", name), attributes, children);
+// Only what is there: a list may hold nothings.
+const put = (node, ...children) => node.replaceChildren(...children.flat(2).filter((child) => child !== null && child !== undefined && child !== false));
 const list = (items) => el("ul", {}, items.map((item) => el("li", {}, item)));
 const option = (value, label, chosen) => el("option", { value, selected: chosen }, label);
 const note = (...words) => el("p", { class: "note" }, ...words);

@@ -94,9 +94,9 @@ pub fn look(paper: &Path, golden: &Path) -> Result<Seen, Failure> {
     }
     let pdf = scratch.dir.join(format!("{TEXT}.pdf")).display().to_string();
     let (listing, boxes) = (scratch.dir.join("fonts.txt"), scratch.dir.join("words.html"));
-    let told = format!("pdffonts \"$0\" > \"{}\"", listing.display());
+    let fonts = format!("pdffonts \"$0\" > \"{}\"", listing.display());
     for (program, command) in [
-        ("pdffonts", vec!["sh", "-c", told.as_str(), pdf.as_str()]),
+        ("pdffonts", vec!["sh", "-c", fonts.as_str(), pdf.as_str()]),
         ("pdftotext", vec!["pdftotext", "-bbox", pdf.as_str(), &boxes.display().to_string()]),
         ("pdftoppm", vec!["pdftoppm", "-gray", "-r", DOTS, pdf.as_str(), &format!("{out}/page")]),
     ] {

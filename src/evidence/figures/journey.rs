@@ -34,7 +34,7 @@ pub fn steps(page: &str) -> Vec<Step> {
 }
 
 /// What a step does, in the words of a reader who has not seen the code.
-fn told(verb: &str) -> Option<&'static str> {
+fn explained(verb: &str) -> Option<&'static str> {
     Some(match verb {
         "freeze" => "parent, front, memory, window",
         "propose" => "actor, critics, repair: a patch",
@@ -52,14 +52,14 @@ fn told(verb: &str) -> Option<&'static str> {
 const WAYS_OUT: [&str; 3] = ["declined", "invalid", "rejected"];
 
 const WIDE: f64 = 244.0;
-const HIGH: f64 = 206.0;
+const HIGH: f64 = 172.0;
 /// Boxes of a row, their size, and the tops of both rows, points.
 const IN_A_ROW: usize = 4;
-const BOX: [f64; 2] = [52.0, 46.0];
+const BOX: [f64; 2] = [52.0, 38.0];
 const EDGE: f64 = 4.0;
-const TOPS: [f64; 2] = [22.0, 110.0];
+const TOPS: [f64; 2] = [18.0, 93.0];
 /// The bar that every proposal ends in.
-const BAR: [f64; 2] = [82.0, 14.0];
+const BAR: [f64; 2] = [69.0, 14.0];
 const LETTERS: f64 = 7.0;
 const ARROW: f64 = 3.0;
 
@@ -77,11 +77,11 @@ fn middle(column: usize) -> f64 {
 }
 
 fn drawn(steps: &[Step]) -> Result<Figure, FigureError> {
-    if steps.len() != 2 * IN_A_ROW || steps.iter().any(|step| told(&step.verb).is_none()) {
+    if steps.len() != 2 * IN_A_ROW || steps.iter().any(|step| explained(&step.verb).is_none()) {
         return Err(FigureError::NoJourney);
     }
     let mut sheet = Figure::new(WIDE, HIGH, "An epoch of the loop");
-    band(&mut sheet, (1, 3), [TOPS[0] - 16.0, BOX[1] + 20.0], BLUE, "K slots in parallel, one snapshot");
+    band(&mut sheet, (1, 3), [TOPS[0] - 14.0, BOX[1] + 17.0], BLUE, "K slots in parallel, one snapshot");
     for (at, step) in steps.iter().enumerate() {
         // The second row runs back to the left.
         let (row, column) = if at < IN_A_ROW { (0, at) } else { (1, 2 * IN_A_ROW - 1 - at) };
@@ -125,7 +125,7 @@ fn drawn(steps: &[Step]) -> Result<Figure, FigureError> {
     }
     arrow(&mut sheet, (middle(1), BAR[0] + BAR[1]), (middle(1), TOPS[1]), Ink::line(VERMILION, 0.8));
     text(&mut sheet, (middle(2), TOPS[1] - 4.0), Anchor::Middle, ORANGE, "serial");
-    let foot = TOPS[1] + BOX[1] + 10.0;
+    let foot = TOPS[1] + BOX[1] + 7.0;
     sheet.rect([EDGE, foot, WIDE - 2.0 * EDGE, HIGH - foot - 4.0], Ink::line(GREY, 0.8).dashed());
     let after = "After the last epoch: finalists are labelled on all evolution scenes, one rule chooses; only then are the held-out \
                  scenes opened.";
@@ -147,7 +147,9 @@ fn band(sheet: &mut Figure, (first, last): (usize, usize), [top, high]: [f64; 2]
 fn step_box(sheet: &mut Figure, (x, y): (f64, f64), step: &Step, colour: Rgb) {
     sheet.rect([x, y, BOX[0], BOX[1]], Ink::fill(WHITE).edged(colour, 1.0));
     sheet.heading((x + 3.0, y + 9.5), 8.0, step.verb.as_str());
-    for (nth, line) in wrapped(told(&step.verb).unwrap_or_default(), LETTERS, BOX[0] - 5.0, 4).into_iter().enumerate() {
+    for (nth, line) in
+        wrapped(explained(&step.verb).unwrap_or_default(), LETTERS, BOX[0] - 5.0, 4).into_iter().enumerate()
+    {
         text(sheet, (x + 3.0, y + 18.5 + 8.0 * nth as f64), Anchor::Start, BLACK, &line);
     }
 }

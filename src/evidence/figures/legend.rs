@@ -36,7 +36,9 @@ pub fn foot(figure: &mut Figure, text: &str) {
 pub fn source(runs: &[&RecordedRun]) -> String {
     let named: Vec<String> =
         runs.iter().map(|run| format!("{} (root {})", run.opened.name, run.root.short(12))).collect();
-    let scripted = runs.iter().any(|run| !run.opened.scripted_roles().is_empty());
+    // Who reviews does not propose.
+    let proposes = |role: &&str| matches!(*role, "actor" | "repair");
+    let scripted = runs.iter().any(|run| run.opened.scripted_roles().iter().any(proposes));
     let from = if scripted { "; proposals of the scripted stand-in, which is no language model" } else { "" };
     format!("Recorded: {}{from}.", named.join(", "))
 }

@@ -10,9 +10,10 @@ use crate::evidence::tables::{Table, escaped};
 /// alone, `\evostack` the interval below it.
 const HEAD: &str = r"% Made by `evodrive paper --bless`; every number of the text is one of these.
 \newcommand{\evo}[1]{\ifcsname evo:#1\endcsname\csname evo:#1\endcsname\else\errmessage{no number of that name: #1}\fi}
+\providecommand{\evointerval}[2]{\begin{tabular}[t]{@{}r@{}}#1\\[-0.5ex]{\fontsize{6}{7}\selectfont #2}\end{tabular}}
 \def\evocut#1 #2\evoend{#1}
 \def\evorest#1 #2\evoend{#2}
-\newcommand{\evoparts}[2]{\ifcsname evo:#2\endcsname\expandafter\expandafter\expandafter#1\csname evo:#2\endcsname\space\evoend\else\errmessage{no number of that name: #2}\fi}
+\newcommand{\evoparts}[2]{\ifcsname evo:#2\endcsname\expandafter\expandafter\expandafter#1\csname evo:#2\endcsname{} \evoend\else\errmessage{no number of that name: #2}\fi}
 \newcommand{\evonumber}[1]{\evoparts{\evocut}{#1}}
 \newcommand{\evostack}[1]{\evointerval{\evonumber{#1}}{\evoparts{\evorest}{#1}}}
 ";

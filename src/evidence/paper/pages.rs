@@ -173,9 +173,9 @@ mod tests {
     fn a_line_that_stands_out_by_more_than_five_points_is_told() {
         let log = "Overfull \\hbox (4.9pt too wide) in paragraph at lines 1--2\nOverfull \\hbox (12.25pt too wide) in alignment at lines 3--4\n\
                    Overfull \\vbox (30.0pt too high) has occurred\nUnderfull \\hbox (badness 10000)\n";
-        let told = overfull(log);
-        assert_eq!(told.len(), 2);
-        assert!(told[0].contains("12.25pt") && told[1].contains("too high"), "{told:?}");
+        let wrong = overfull(log);
+        assert_eq!(wrong.len(), 2);
+        assert!(wrong[0].contains("12.25pt") && wrong[1].contains("too high"), "{wrong:?}");
     }
 
     #[test]
@@ -216,8 +216,8 @@ mod tests {
             bbox(&[level])
         );
         let pictures = [picture(0..20, 100), picture(0..20, 90), picture(0..10, 80), picture(0..20, 20)];
-        let told = unsound_pages(&pages_of(&text, &pictures));
-        assert_eq!(told, ["page 2 prints sideways", "page 3 is half empty: 44 % of its height holds something"]);
+        let wrong = unsound_pages(&pages_of(&text, &pictures));
+        assert_eq!(wrong, ["page 2 prints sideways", "page 3 is half empty: 44 % of its height holds something"]);
         let wide = text.replacen("width=\"595.0\" height=\"842.0\"", "width=\"842.0\" height=\"595.0\"", 1);
         assert_eq!(unsound_pages(&pages_of(&wide, &pictures))[0], "page 1 prints sideways");
         // A picture that is none says nothing of its page.

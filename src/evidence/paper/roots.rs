@@ -29,13 +29,18 @@ pub fn roots(all: &[Root]) -> String {
         let _ = writeln!(
             out,
             "\\texttt{{{}}} & {} & {} \\\\",
-            escaped(&run.experiment),
+            escaped(name(&run.experiment)),
             short(&run.root),
             short(&run.cassette)
         );
     }
     out.push_str("\\end{longtable}\n");
     out
+}
+
+/// A file below the folder of experiments, without its ending.
+fn name(experiment: &str) -> &str {
+    experiment.trim_start_matches("experiments/").trim_end_matches(".toml")
 }
 
 #[cfg(test)]
@@ -50,7 +55,7 @@ mod tests {
             cassette: cassette.into(),
         };
         let text = roots(&[run("ffff"), run("none is kept")]);
-        let line = "\\texttt{experiments/a\\_b.toml} & \\texttt{0123456789abcdef} &";
+        let line = "\\texttt{a\\_b} & \\texttt{0123456789abcdef} &";
         assert!(
             text.contains(&format!("{line} \\texttt{{ffff}} \\\\"))
                 && text.contains(&format!("{line} none is kept \\\\")),

@@ -10,13 +10,12 @@ pub struct Typed {
 }
 
 /// Commands whose arguments hold names, lengths and files, no results.
-const NAMES: [&str; 22] = [
+const NAMES: [&str; 21] = [
     "evo",
     "evonumber",
     "evostack",
     "cite",
     "eqref",
-    "evorule",
     "multicolumn",
     // Rows of a table that is put together from numbers, by their names.
     "evorow",

@@ -56,12 +56,12 @@ fn float(out: &mut String, table: &Table, part: &Part, form: Form) {
     out.push_str(&format!("\\end{{{environment}}}\n"));
 }
 
-/// A long table a part with all columns, a block of them below the other; the notes stand below the last.
+/// A long table a part with all columns of numbers, a block of them below the other; the notes stand below the last.
 fn long(out: &mut String, table: &Table, form: Form) {
-    let labels: Vec<usize> = (0..table.labels.len()).collect();
+    let (labels, proposals) = (page::telling_labels(table), page::proposals_differ(table));
     out.push_str("{\\footnotesize\\setlength{\\tabcolsep}{3pt}\n");
     for part in table.printed() {
-        let grid = grid(table, part, &labels, true, form);
+        let grid = grid(table, part, &labels, proposals, form);
         for (at, block) in blocks(&grid, labels.len()).iter().enumerate() {
             // A long table counts itself, also where it goes on with the one before.
             out.push_str(if at == 0 { "" } else { "\\addtocounter{table}{-1}\n" });

@@ -3,8 +3,8 @@
 /// Widths of the lines that tables are laid out for, points: one column and the whole of a page of two.
 const COLUMN_PT: f64 = 238.0;
 const PAGE_PT: f64 = 490.0;
-/// Most columns of a block.
-const COLUMNS_MAX: usize = 8;
+/// Most columns of a block: a page's table has fewer, a long one is read by looking up.
+const COLUMNS_MAX: usize = 10;
 /// Mean width of a letter at the size of numbers and at that of intervals, and the room between two columns, points.
 const LETTER_PT: f64 = 4.1;
 const SMALL_PT: f64 = 2.75;
@@ -260,9 +260,9 @@ mod tests {
             .chain([("", "j")])
             .collect();
         let all = blocks(&grid(&heads, "+0.125"), 1);
-        let told: Vec<String> =
+        let shown: Vec<String> =
             all.iter().flat_map(|block| block.columns[1..].iter().map(|of| of.head.clone())).collect();
-        assert_eq!(told, ["a", "b", "c", "d", "e", "f", "g", "h", "i", "j"]);
+        assert_eq!(shown, ["a", "b", "c", "d", "e", "f", "g", "h", "i", "j"]);
         assert_eq!(all[0].columns.len(), 4, "a group stays together");
         for block in &all {
             assert!(block.columns[0].is_text && block.columns.len() <= COLUMNS_MAX && block.width_pt() <= PAGE_PT);

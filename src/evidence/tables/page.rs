@@ -114,13 +114,13 @@ pub fn proposals_differ(table: &Table) -> bool {
 pub fn of_a_page(table: &Table) -> Table {
     let room = COLUMNS_MAX.saturating_sub(telling_labels(table).len() + usize::from(proposals_differ(table)));
     let known = table.keys();
-    let is_told = |key: &&str| match table.counts.iter().position(|count| count.key == *key) {
+    let is_telling = |key: &&str| match table.counts.iter().position(|count| count.key == *key) {
         Some(at) => !same_in_all(table, |row| row.counts[at]),
         None => known.contains(key),
     };
     let numbers: Vec<&str> = table.columns.iter().map(|column| column.key).collect();
     let wanted = by_weight(table.name).map_or(numbers, <[&str]>::to_vec);
-    let kept: Vec<&str> = wanted.into_iter().filter(is_told).take(room).collect();
+    let kept: Vec<&str> = wanted.into_iter().filter(is_telling).take(room).collect();
     table.with(&kept)
 }
 

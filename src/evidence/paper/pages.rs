@@ -18,8 +18,8 @@ const LETTERS_MIN: usize = 4;
 /// A page as words and as a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Page {
-    /// Width and height, points.
-    pub size: [f64; 2],
+    /// Whether it is wider than high, as it is or as it is shown: a file may turn a page when it is shown.
+    pub is_wide: bool,
     /// Width and height of its longer words, points.
     words: Vec<[f64; 2]>,
     /// Share of its height that holds ink, the mean of both halves; `None` without a picture.
@@ -78,9 +78,10 @@ pub fn pages_of(bbox: &str, pictures: &[Vec<u8>]) -> Vec<Page> {
     let mut pages: Vec<Page> = Vec::new();
     for line in bbox.lines().map(str::trim) {
         if line.starts_with("<page ") {
-            let size = ["width", "height"].map(|name| attribute(line, name).unwrap_or(0.0));
-            let filled = pictures.get(pages.len()).and_then(|picture| filled(picture));
-            pages.push(Page { size, words: Vec::new(), filled });
+            let [wide, high] = ["width", "height"].map(|name| attribute(line, name).unwrap_or(0.0));
+            let picture = pictures.get(pages.len()).and_then(|picture| read(picture));
+            let is_wide = wide > high || picture.as_ref().is_some_and(|of| of.wide > of.high);
+            pages.push(Page { is_wide, words: Vec::new(), filled: picture.as_ref().map(filled) });
         } else if let (true, Some(page)) = (line.starts_with("<word "), pages.last_mut()) {
             let word = line.split_once('>').map_or("", |(_, rest)| rest.trim_end_matches("</word>"));
             let [left, top, right, low] =
@@ -93,8 +94,15 @@ pub fn pages_of(bbox: &str, pictures: &[Vec<u8>]) -> Vec<Page> {
     pages
 }
 
-/// Share of a page's height with ink, the mean of its left and its right half, from a picture in PGM; `None` of anything else.
-fn filled(picture: &[u8]) -> Option<f64> {
+/// A picture of a page in greys.
+struct Picture<'p> {
+    wide: usize,
+    high: usize,
+    points: &'p [u8],
+}
+
+/// A picture in PGM; `None` of anything else.
+fn read(picture: &[u8]) -> Option<Picture<'_>> {
     let mut fields = Vec::new();
     let mut at = 0;
     while fields.len() < 4 {
@@ -106,16 +114,18 @@ fn filled(picture: &[u8]) -> Option<f64> {
     let [magic, wide, high, most] = fields[..] else { return None };
     let (wide, high): (usize, usize) = (wide.parse().ok()?, high.parse().ok()?);
     let points = picture.get(at + 1..).filter(|points| points.len() >= wide * high)?;
-    if magic != "P5" || most != "255" {
-        return None;
-    }
-    let (first, last) = ((MARGIN * high as f64) as usize, ((1.0 - MARGIN) * high as f64) as usize);
+    (magic == "P5" && most == "255").then_some(Picture { wide, high, points })
+}
+
+/// Share of a page's height with ink, the mean of its left and its right half.
+fn filled(of: &Picture<'_>) -> f64 {
+    let (first, last) = ((MARGIN * of.high as f64) as usize, ((1.0 - MARGIN) * of.high as f64) as usize);
     let is_inked = |rows: std::ops::Range<usize>, columns: std::ops::Range<usize>| {
-        rows.clone().any(|y| columns.clone().any(|x| points[y * wide + x] < INK))
+        rows.clone().any(|y| columns.clone().any(|x| of.points[y * of.wide + x] < INK))
     };
     let band = |k: usize| first + k * (last - first) / BANDS..first + (k + 1) * (last - first) / BANDS;
     let half = |columns: std::ops::Range<usize>| (0..BANDS).filter(|k| is_inked(band(*k), columns.clone())).count();
-    Some((half(0..wide / 2) + half(wide / 2..wide)) as f64 / (2 * BANDS) as f64)
+    (half(0..of.wide / 2) + half(of.wide / 2..of.wide)) as f64 / (2 * BANDS) as f64
 }
 
 /// What is wrong with pages: one that lies on its side, one whose words do, one that is half empty. The last page may end where it does.
@@ -124,7 +134,7 @@ pub fn unsound_pages(pages: &[Page]) -> Vec<String> {
     for (at, page) in pages.iter().enumerate() {
         let number = at + 1;
         let turned = page.words.iter().filter(|[wide, high]| high > wide).count();
-        if page.size[0] > page.size[1] || 2 * turned > page.words.len() {
+        if page.is_wide || 2 * turned > page.words.len() {
             wrong.push(format!("page {number} prints sideways"));
         }
         if let Some(filled) = page.filled.filter(|filled| *filled < FILLED_MIN && number < pages.len()) {
@@ -220,6 +230,9 @@ mod tests {
         assert_eq!(wrong, ["page 2 prints sideways", "page 3 is half empty: 44 % of its height holds something"]);
         let wide = text.replacen("width=\"595.0\" height=\"842.0\"", "width=\"842.0\" height=\"595.0\"", 1);
         assert_eq!(unsound_pages(&pages_of(&wide, &pictures))[0], "page 1 prints sideways");
+        // A page that the file turns has a wide picture and a size that is not turned.
+        let turned = [b"P5\n100 20\n255\n".to_vec(), vec![0; 2000]].concat();
+        assert_eq!(unsound_pages(&pages_of(&text, &[turned])), ["page 1 prints sideways", "page 2 prints sideways"]);
         // A picture that is none says nothing of its page.
         assert!(pages_of(&text, &[b"P6".to_vec()])[0].filled.is_none());
     }

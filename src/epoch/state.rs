@@ -98,6 +98,15 @@ impl State {
         })
     }
 
+    /// The labels as the evaluator is fitted to them. Where it decides who is simulated, the order of lineages in the file has no part in
+    /// it. Where it only watches they stay as they came: nothing but the last bits of its recorded predictions rests on that.
+    pub fn labels(&self, study: &Study) -> Vec<&WorldLabel> {
+        match study.evaluator_decides() {
+            true => self.calibration.by_lineage(),
+            false => self.calibration.labels().iter().collect(),
+        }
+    }
+
     /// The digest of a state that no epoch has changed yet: over everything that later epochs can depend on.
     pub fn first_digest(&self) -> Result<Digest, RunError> {
         let State { archives, lineages, memory, calibration, world, search, .. } = self;

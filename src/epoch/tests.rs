@@ -117,8 +117,8 @@ fn the_order_of_lineages_in_the_file_changes_nothing_that_a_lineage_sees_and_get
     let foreign = |frozen: &&Frozen| frozen.memory_shown.iter().any(|card| *cards[card.as_str()] != frozen.lineage);
     assert!(ran.frozen.iter().any(|frozen| foreign(&frozen)), "no lineage was shown another one's cards");
     for result in &ran.result.lineages {
-        // The keys of questions hold all that a proposer saw. Predictions are left out: the evaluator's fit sums labels in the order of
-        // the file, and here it turns nobody away.
+        // The keys of questions hold all that a proposer saw. Predictions are left out: where the evaluator only watches, its fit sums
+        // labels in the order of the file.
         let of = |ran: &Ran| -> Vec<_> {
             let own = ran.attempts.iter().filter(|attempt| attempt.lineage == result.lineage).cloned();
             let read = |attempt: Attempt| {
@@ -129,6 +129,32 @@ fn the_order_of_lineages_in_the_file_changes_nothing_that_a_lineage_sees_and_get
         };
         assert!(of(&ran) == of(&other), "{}", result.lineage);
         assert!(other.result.lineages.contains(result), "{}", result.lineage);
+    }
+}
+
+#[test]
+fn where_the_evaluator_decides_the_order_of_lineages_changes_no_bit_of_what_it_says_of_one() {
+    let mut experiment = three_families();
+    (experiment.budget.epochs, experiment.budget.slots) = (4, 10);
+    let routing = &mut experiment.world.routing;
+    (routing.rollout_budget, routing.audit_share, routing.min_labels) = (5, 0.4, 8);
+    let ran = carried_out(&experiment);
+    let selected = |attempt: &&Attempt| attempt.exit.route().is_some_and(|of| of.decision == RouteDecision::Select);
+    assert!(ran.attempts.iter().filter(selected).count() > 10, "nobody was ranked");
+    for turn in [1, 2] {
+        let mut other = experiment.clone();
+        other.lineages.rotate_left(turn);
+        let other = carried_out(&other);
+        for result in &ran.result.lineages {
+            let of = |ran: &Ran| -> Vec<Attempt> {
+                ran.attempts.iter().filter(|attempt| attempt.lineage == result.lineage).cloned().collect()
+            };
+            // An attempt cites the evaluator's snapshot and its predictions.
+            let (own, turned) = (of(&ran), of(&other));
+            let differs = own.iter().zip(&turned).find(|(own, turned)| own != turned);
+            assert!(differs.is_none() && own.len() == turned.len(), "{turn}: {differs:#?}");
+            assert!(other.result.lineages.contains(result), "{turn}: {}", result.lineage);
+        }
     }
 }
 

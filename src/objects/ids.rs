@@ -48,4 +48,9 @@ impl AttemptId {
     pub fn at(lineage: &LineageId, epoch: u32, slot: u32) -> AttemptId {
         AttemptId(format!("{lineage}/e{epoch}s{slot}"))
     }
+
+    /// The name of its lineage.
+    pub fn lineage(&self) -> &str {
+        self.0.rsplit_once('/').map_or(&self.0, |(lineage, _)| lineage)
+    }
 }

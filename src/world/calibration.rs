@@ -57,6 +57,14 @@ impl CalibrationSet {
     pub fn labels(&self) -> &[WorldLabel] {
         &self.labels
     }
+
+    /// The same by epoch and within it by the names of lineages, whatever the order in which these were settled; a lineage's slots
+    /// stay in theirs.
+    pub fn by_lineage(&self) -> Vec<&WorldLabel> {
+        let mut labels: Vec<&WorldLabel> = self.labels.iter().collect();
+        labels.sort_by(|a, b| (a.epoch, a.attempt.lineage()).cmp(&(b.epoch, b.attempt.lineage())));
+        labels
+    }
 }
 
 fn problem(label: &WorldLabel, schema: &FeatureSchema) -> Option<String> {
@@ -74,17 +82,17 @@ fn problem(label: &WorldLabel, schema: &FeatureSchema) -> Option<String> {
     (!rate(row.open_share)).then(|| format!("the share of open scenes is {}, not between 0 and 1", row.open_share))
 }
 
-/// The snapshot with which an epoch routes: fitted to the labels of earlier epochs and to nothing else, whatever the set
-/// holds. The same labels give the same bits.
+/// The snapshot with which an epoch routes: fitted to the labels of earlier epochs and to nothing else, whatever the list
+/// holds. The same labels in the same order give the same bits: sums run, and folds are dealt, in their order.
 pub fn settle(
     schema: &FeatureSchema,
     configuration: &WorldConfiguration,
-    set: &CalibrationSet,
+    labels: &[&WorldLabel],
     epoch: u32,
     threads: &Threads,
 ) -> Result<WorldSnapshot, ConfigurationError> {
     validate(configuration, schema)?;
-    let earlier: Vec<&WorldLabel> = set.labels.iter().filter(|label| label.epoch < epoch).collect();
+    let earlier: Vec<&WorldLabel> = labels.iter().copied().filter(|label| label.epoch < epoch).collect();
     Ok(snapshot(schema, configuration, &earlier, threads))
 }
 

@@ -209,7 +209,7 @@ fn means_alone(open_share: f64) -> WorldSnapshot {
         explore: 0.5,
         ..configuration(WorldModel::Ridge)
     };
-    settle(&columns(2), &mixing, &set, 1, &Threads::new(1).unwrap()).unwrap()
+    settle(&columns(2), &mixing, &set.by_lineage(), 1, &Threads::new(1).unwrap()).unwrap()
 }
 
 #[test]
@@ -240,7 +240,9 @@ fn what_few_open_scenes_show_counts_for_those_scenes_alone() {
     };
     let mut set = CalibrationSet::default();
     set.append((0..40).map(one).collect(), &columns(2)).unwrap();
-    let snapshot = settle(&columns(2), &configuration(WorldModel::Ridge), &set, 1, &Threads::new(1).unwrap()).unwrap();
+    let snapshot =
+        settle(&columns(2), &configuration(WorldModel::Ridge), &set.by_lineage(), 1, &Threads::new(1).unwrap())
+            .unwrap();
     let router = Router::new(&snapshot).unwrap();
     for (open_share, gain) in [(0.25, 0.05), (1.0, 0.2)] {
         let computed = router.predict(&xi(&[2.0, 7.0], open_share)).unwrap();

@@ -84,7 +84,7 @@ fn stepped(n: u32) -> CalibrationSet {
 
 fn settled(set: &CalibrationSet, configuration: &WorldConfiguration) -> WorldSnapshot {
     let width = set.labels().first().map_or(2, |label| label.row.features.len());
-    settle(&columns(width), configuration, set, 1, &one_thread()).unwrap()
+    settle(&columns(width), configuration, &set.by_lineage(), 1, &one_thread()).unwrap()
 }
 
 fn prediction(rank_score: f64) -> Prediction {
@@ -360,7 +360,7 @@ fn excluded_columns_are_not_read_and_unknown_ones_refused() {
     let router = Router::new(&snapshot).unwrap();
     assert_eq!(router.predict(&xi(&[0.1, 7.0], 1.0)), router.predict(&xi(&[0.9, 7.0], 1.0)));
     excluding.excluded_columns = vec!["no_such".into()];
-    let refused = settle(&columns(2), &excluding, &CalibrationSet::default(), 0, &one_thread());
+    let refused = settle(&columns(2), &excluding, &[], 0, &one_thread());
     assert_eq!(refused, Err(ConfigurationError::UnknownColumn("no_such".into())));
 }
 
@@ -556,7 +556,7 @@ proptest! {
             all.insert((2 * k).min(all.len()), label(*epoch, &[*x], *y));
         }
         let routes = |labels: Vec<WorldLabel>| {
-            let snapshot = settle(&columns(1), &options, &set_of(labels, 1), 3, &one_thread()).unwrap();
+            let snapshot = settle(&columns(1), &options, &set_of(labels, 1).by_lineage(), 3, &one_thread()).unwrap();
             let router = Router::new(&snapshot).unwrap();
             let predicted: Vec<Prediction> = wanted.iter().map(|x| router.predict(&xi(&[*x], 1.0)).unwrap()).collect();
             router.routes(&predicted, &mut audit_stream(Seed(seed), &LineageId::new("cat-idm"), 3))
@@ -572,7 +572,8 @@ fn a_fit_does_not_depend_on_threads() {
     let set = stepped(60);
     for model in [WorldModel::Ridge, WorldModel::Boosted] {
         let options = configuration(model);
-        let fit = |threads| settle(&columns(2), &options, &set, 1, &Threads::new(threads).unwrap()).unwrap();
+        let fit =
+            |threads| settle(&columns(2), &options, &set.by_lineage(), 1, &Threads::new(threads).unwrap()).unwrap();
         let one = fit(1);
         assert!(one.fit.as_ref().is_some_and(|fit| fit.half_width.is_some()));
         assert_eq!((fit(3), fit(2)), (one.clone(), one));

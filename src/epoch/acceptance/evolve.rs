@@ -44,7 +44,7 @@ fn turn(
     let (schema, active) = (&state.world.schema, &state.world.configuration);
     let judging = Judging { schema, founding: &study.world, options, before: epoch + 1 };
     // "D^W <- BuildCalibrationSet(E^real, E^W)".
-    let evidence = evidence(state);
+    let evidence = evidence(study, state);
     let threads = desk.tools.threads;
     let incumbent = held(&judging, active, &evidence, threads)?;
     // "a_W <- AuditWorld(W_phi, D^W)", SufficientEvidence.
@@ -75,7 +75,7 @@ fn turn(
     let next = proposed.filter(|_| promoted).unwrap_or_else(|| active.clone());
     // The active configuration was fitted when the epoch was settled.
     let snapshot = match promoted {
-        true => world::settle(schema, &next, &state.calibration, epoch + 1, threads)?,
+        true => world::settle(schema, &next, &state.labels(study), epoch + 1, threads)?,
         false => state.world.clone(),
     };
     let event = WorldEvolved {
@@ -94,15 +94,14 @@ fn turn(
 }
 
 /// Every label with its lineage and for how many candidates it stands: the weight that its route recorded.
-fn evidence(state: &State) -> Vec<Evidence<'_>> {
+fn evidence<'s>(study: &Study, state: &'s State) -> Vec<Evidence<'s>> {
     let attempts: BTreeMap<&AttemptId, &Attempt> = state.attempts.iter().map(|of| (&of.id, of)).collect();
-    let of = |label| {
-        let label: &WorldLabel = label;
+    let of = |label: &'s WorldLabel| {
         let attempt = attempts.get(&label.attempt)?;
         let weight = attempt.exit.route()?.weight.unwrap_or(1.0);
         Some(Evidence { label, lineage: &attempt.lineage, weight })
     };
-    state.calibration.labels().iter().filter_map(of).collect()
+    state.labels(study).into_iter().filter_map(of).collect()
 }
 
 /// Rejected snapshots stay in the lineage as negative evidence: one is not judged twice.

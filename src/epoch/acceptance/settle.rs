@@ -67,7 +67,7 @@ pub fn settle(
     state.calibration.append(judged.labels, &state.world.schema)?;
     if refit == Refit::Now {
         let (schema, configuration) = (&state.world.schema, &state.world.configuration);
-        state.world = world::settle(schema, configuration, &state.calibration, epoch + 1, threads)?;
+        state.world = world::settle(schema, configuration, &state.labels(study), epoch + 1, threads)?;
     }
     state.archives.insert(lineage.clone(), judged.archive);
     if study.search.is_some() {

@@ -184,6 +184,13 @@ impl Study {
         }
     }
 
+    /// Whether anything rests on what the world evaluator is fitted to: who is simulated in a later epoch, or what its agent
+    /// makes of it.
+    pub fn evaluator_decides(&self) -> bool {
+        let ranks = self.world.routing.choice == RoutingChoice::Ranked && !self.simulates_all();
+        self.budget.epochs > 1 && (ranks || self.world_agent.is_some())
+    }
+
     /// Whether every admitted candidate is simulated, whatever the world evaluator says of it.
     pub fn simulates_all(&self) -> bool {
         let routing = &self.world.routing;

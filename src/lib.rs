@@ -96,11 +96,10 @@ pub use evodrive_engine::{
 #[doc(inline)]
 pub use evodrive_io::{agents, bundle, draw, evidence, formats, llm, scripted};
 
+#[doc(inline)]
+pub use evodrive_conduct::{epoch, experiment, shard, suite};
+
 pub mod cli;
-pub mod epoch;
-pub mod experiment;
-pub mod shard;
-pub mod suite;
 
 // Compiles and runs the programs of the page with `cargo test --doc`.
 #[cfg(doctest)]

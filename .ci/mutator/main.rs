@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     fs::write(tree.join("src/kernel/switch.rs"), include_str!("switch.rs"))?;
     // The copy is full of brackets that nobody needs, and a sum that must overflow shall do so when the mutant is on.
     let allowed = "#![allow(warnings, arithmetic_overflow, unconditional_panic)]";
-    for root in ["src/engine.rs", "src/io.rs", "src/lib.rs"] {
+    for root in ["src/engine.rs", "src/io.rs", "src/conduct.rs", "src/lib.rs"] {
         fs::write(tree.join(root), format!("{allowed}\n{}", fs::read_to_string(root)?))?;
     }
     fs::write(list, mutants.lines)?;

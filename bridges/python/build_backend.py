@@ -1,5 +1,5 @@
 """maturin as the build backend, with a source distribution that builds: maturin leaves `[lib]` out of the manifest of a crate whose
-root lies beside its folder (src/io), so that manifest is put back as it is in the repository."""
+root lies beside its folder, so these manifests are put back as they are in the repository."""
 
 import gzip
 import tarfile
@@ -10,7 +10,7 @@ import maturin
 from maturin import *  # noqa: F401,F403  # every other hook
 
 HERE = Path(__file__).resolve().parent
-PUT_BACK = "src/io/Cargo.toml"
+PUT_BACK = ["src/io/Cargo.toml", "src/conduct/Cargo.toml"]
 
 
 def build_sdist(sdist_directory, config_settings=None):
@@ -18,8 +18,9 @@ def build_sdist(sdist_directory, config_settings=None):
     path = Path(sdist_directory) / name
     # In a source distribution this file lies at the root, in the repository below bridges/python.
     homes = [HERE, HERE.parents[1]] if len(HERE.parents) > 1 else [HERE]
-    manifest = next(home / PUT_BACK for home in homes if (home / PUT_BACK).exists())
-    changed = {PUT_BACK: manifest.read_bytes(), Path(__file__).name: Path(__file__).read_bytes()}
+    home = next(home for home in homes if (home / PUT_BACK[0]).exists())
+    changed = {manifest: (home / manifest).read_bytes() for manifest in PUT_BACK}
+    changed[Path(__file__).name] = Path(__file__).read_bytes()
     out = BytesIO()
     with tarfile.open(path) as before, tarfile.open(fileobj=out, mode="w", format=tarfile.PAX_FORMAT) as after:
         root = before.getnames()[0].split("/")[0]

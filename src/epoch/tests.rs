@@ -27,7 +27,7 @@ use crate::store::{Store, Transcript, read_events};
 
 /// The quickstart's CAT lineage on a few scenes.
 pub(super) fn experiment(promotion: PromotionRule, seeds: u32) -> Experiment {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml");
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../experiments/quickstart.toml");
     let mut experiment = Experiment::read(&file).unwrap();
     let SceneSource::Synth { count, .. } = &mut experiment.scenes else { panic!("generated scenes") };
     *count = 24;
@@ -99,7 +99,7 @@ pub(super) fn carried_out_asking(experiment: &Experiment, open: Option<usize>, p
 /// CAT, AT and ADV-BMT with a memory that they share.
 pub(super) fn three_families() -> Experiment {
     let mut experiment = experiment(PromotionRule::LargestHypervolumeGain, 1);
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml");
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../experiments/quickstart.toml");
     experiment.lineages = Experiment::read(&file).unwrap().lineages;
     // Whose card it is counts nothing, and many are shown.
     (experiment.memory.alpha_lineage, experiment.memory.alpha_family, experiment.memory.top_m) = (0.0, 0.0, 30);

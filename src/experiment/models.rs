@@ -57,7 +57,7 @@ mod tests {
     use std::path::Path;
 
     fn quickstart() -> Experiment {
-        Experiment::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml")).unwrap()
+        Experiment::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../experiments/quickstart.toml")).unwrap()
     }
 
     #[test]

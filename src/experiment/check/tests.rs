@@ -23,7 +23,7 @@ fn whole() -> Vec<Table> {
         "readings/null-random-idm",
         "llm/preventable/cat",
     ];
-    let path = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("experiments/{name}.toml"));
+    let path = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../experiments/{name}.toml"));
     let mut all: Vec<Table> =
         shipped.iter().map(|name| crate::experiment::composed(&path(name)).unwrap().table).collect();
     let mut pool = all[4].clone();

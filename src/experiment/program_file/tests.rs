@@ -12,7 +12,7 @@ use std::path::Path;
 
 /// CAT's parent under the quickstart's conditions.
 fn file() -> ProgramFile {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../experiments/quickstart.toml");
     let experiment = Experiment::read(&path).unwrap();
     let source = families::sources().get(&FamilyName::new("cat")).unwrap().clone();
     let parent = source.parent.adopted(&LineageId::new("cat-idm"));

@@ -80,7 +80,7 @@ fn hold(schema: &Value, value: &Value, place: &str, complaints: &mut Vec<String>
 }
 
 fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
 }
 
 /// Every experiment that is shipped. Files of a training, of a downstream study, of a driver and of a calibration have other keys.

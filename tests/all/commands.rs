@@ -99,6 +99,14 @@ fn seeds_that_both_runs_have_are_pooled_and_one_seed_is_compared_with_its_like()
     let text = run(&["compare", &two, &other]).stdout;
     assert!(text.contains("cat, pooled: means over 2 seeds of both") && !text.contains(SPREAD), "{text}");
     assert!(text.contains("of one seed's over scenes alone"), "{text}");
+    // The overview before the blocks: a line a block, with the differences that the blocks end their lines with.
+    let (overview, blocks) = text.split_once("\n\ncat, pooled:").unwrap();
+    let crashes = blocks.lines().filter(|line| line.trim_start().starts_with("any crash"));
+    let ends = crashes.map(|line| line.trim_end().rsplit("  ").next().unwrap());
+    let lines: Vec<&str> = overview.lines().skip_while(|line| !line.contains("any crash")).skip(1).collect();
+    let names: Vec<&str> = lines.iter().map(|line| line.trim_start().split("  ").next().unwrap()).collect();
+    assert_eq!(names, ["cat, pooled", "cat-s0", "cat-s1"], "{text}");
+    assert!(lines.iter().zip(ends).all(|(line, end)| line.trim_end().ends_with(end)), "{text}");
     assert!(!text.contains("budget.finalists"), "both measure as many: {text}");
     let mixed = run(&["compare", &one, &two]);
     for part in ["cat and cat-s0: A", "only B has the seeds 1, which are left out", SPREAD] {

@@ -217,6 +217,9 @@ fn heading(name: &str, of: &Block) -> String {
 
 fn text(first: &Side, second: &Side, rows: &[(String, Block)], changes: &[Changed], notes: &[String]) -> String {
     let mut text = format!("A: {}\nB: {}\n", first.folder.dir.display(), second.folder.dir.display());
+    if rows.len() > 1 {
+        text += &format!("\nB - A of each; the whole comparison follows\n{}", overview(rows).text(table_width()));
+    }
     for (name, of) in rows {
         text += &format!("\n{}\n", heading(name, of));
         text += &quantities(of).text(table_width());
@@ -241,6 +244,20 @@ fn text(first: &Side, second: &Side, rows: &[(String, Block)], changes: &[Change
     }
     notes.iter().for_each(|note| text += &format!("note: {note}\n"));
     text
+}
+
+/// The difference that each block is about, a line a block.
+fn overview(rows: &[(String, Block)]) -> Aligned {
+    let row = |(name, of): &(String, Block)| {
+        let name = if matches!(of, Block::Seeds { .. }) { format!("{name}, pooled") } else { name.clone() };
+        let difference = |quantity: &str| {
+            let compared = of.quantities().iter().find(|row| row.quantity == quantity);
+            compared.map_or("-".into(), |row| estimated(row.difference, true))
+        };
+        vec![name, difference("attack"), difference(STRICT_REALISM), difference("any crash")]
+    };
+    let heads = ["", "attack", STRICT_REALISM, "any crash"].map(String::from).to_vec();
+    Aligned { indent: 2, labels: 1, words: 1, heads, rows: rows.iter().map(row).collect() }
 }
 
 fn quantities(of: &Block) -> Aligned {

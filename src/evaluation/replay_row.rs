@@ -78,7 +78,7 @@ fn play(
     let outcome = playing.backend.rollout(&plant, &Intervention::default(), playing.ego, drawn)?;
     let (realism, run) = match playing.evaluation {
         EvaluationOptions::Metadrive(options) => (recorded_realism(&plant, &options.realism), None),
-        EvaluationOptions::Safebench { safebench } => (None, SafebenchRun::of(&outcome, &safebench.ars)),
+        EvaluationOptions::Safebench { safebench } => (None, SafebenchRun::of(&outcome, safebench)),
     };
     let Outcome { contact, route_completion, .. } = outcome;
     Ok((ReplayScene { scene, contact: contact.is_some(), realism, route_completion }, run))

@@ -660,7 +660,7 @@ macro_rules! ars {
 
 fn safebench() -> Vec<Key> {
     let (bound, beyond) = ("What is still plausible.", "What lies beyond the bound.");
-    table(
+    let mut keys = table(
         || With("evaluation.safebench"),
         vec![
             (
@@ -688,7 +688,27 @@ fn safebench() -> Vec<Key> {
             (ars!("validity.jump_m_max"), "", "m", BOUND, "Largest jump of an adversary in a valid scene."),
             (ars!("validity.off_road_m_max"), "", "m", BOUND, "Farthest off the drivable area in a valid scene."),
         ],
-    )
+    );
+    keys.extend(table(
+        || With("evaluation.safebench.preventable"),
+        vec![
+            (
+                "evaluation.safebench.preventable.wrong_way_m_max",
+                "",
+                "m",
+                BOUND,
+                "Farthest against a lane in a valid scene. With this table only contacts count that a careful ego would have prevented.",
+            ),
+            (
+                "evaluation.safebench.preventable.unrolled_m_max",
+                "",
+                "m",
+                BOUND,
+                "Farthest that wheels may slide in a valid scene; needs `simulator.of_kind`.",
+            ),
+        ],
+    ));
+    keys
 }
 
 fn acceptance() -> Vec<Key> {

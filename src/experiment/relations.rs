@@ -335,6 +335,10 @@ fn labels(experiment: &Experiment) -> Result<(), Problem> {
             Some((field, expected)) => {
                 Err(OptionError::new(format!("evaluation.safebench.{field}"), "unfit", expected).into())
             }
+            None if safebench.preventable.is_some() && !experiment.simulator.of_kind => {
+                let expected = "true, because evaluation.safebench.preventable reads what outcomes say then";
+                Err(OptionError::new("simulator.of_kind", "missing", expected).into())
+            }
             None => Ok(()),
         },
     }

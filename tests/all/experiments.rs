@@ -80,7 +80,7 @@ fn every_experiment_file_is_read_and_names_families_and_parameters_that_exist() 
 
 #[test]
 fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
-    let [mut all, mut together, mut learned]: [Vec<LineageId>; 3] = Default::default();
+    let mut all: Vec<LineageId> = Vec::new();
     let mut shared = BTreeSet::new();
     for path in files("experiments/metadrive") {
         let experiment = read(&path);
@@ -91,19 +91,15 @@ fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
         assert_eq!((split.window, split.held_out, budget.epochs, budget.slots), (20, 100, 10, 20), "{stem}");
         assert_eq!((experiment.selector.realism_min, experiment.selector.tolerance), (0.95, 0.05), "{stem}");
         let ids = experiment.lineages.iter().map(|lineage| lineage.id.clone());
-        if stem == "all-idm" {
-            together.extend(ids)
-        } else if stem == "all-sac" {
-            learned.extend(ids.map(as_idm))
-        } else if stem.ends_with("-idm") {
+        if stem.ends_with("-idm") {
             all.extend(ids)
         }
         // Whatever decides what is measured is the same in all files, so that their rows can be compared.
         let mut table = composed(&path).unwrap().table;
         assert_eq!(table["split"]["evolution"]["count"].as_integer(), Some(240), "{stem}");
-        // One search is no result: the set repeats each.
-        assert_eq!(experiment.seeds, if stem.starts_with("all-") { 5 } else { 1 }, "{stem}");
-        for own in ["name", "describes", "cassette", "lineage", "seeds"] {
+        // One search is no result: experiments/readings repeats each.
+        assert_eq!(experiment.seeds, 1, "{stem}");
+        for own in ["name", "describes", "cassette", "lineage"] {
             table.remove(own).unwrap();
         }
         // Who attacks is asked where LLM-Attacker takes part.
@@ -114,9 +110,10 @@ fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
     }
     assert_eq!(shared.len(), 1);
     all.sort();
-    together.sort();
-    learned.sort();
-    assert_eq!((all.len(), &all, &all), (10, &together, &learned));
+    let sets = files("experiments/readings");
+    let together = read(sets.iter().find(|path| path.ends_with("published-idm.toml")).unwrap());
+    let ids: Vec<LineageId> = together.lineages.iter().map(|lineage| lineage.id.clone()).collect();
+    assert_eq!((all.len(), &all), (10, &ids));
 }
 
 #[test]
@@ -159,7 +156,7 @@ fn as_idm(id: LineageId) -> LineageId {
 
 #[test]
 fn the_safebench_experiments_share_everything_but_their_sources() {
-    let [mut alone, mut together, mut learned]: [Vec<LineageId>; 3] = Default::default();
+    let (mut alone, mut together): (Vec<LineageId>, Vec<Vec<LineageId>>) = Default::default();
     let mut shared = BTreeSet::new();
     for path in files("experiments/safebench") {
         let experiment = read(&path);
@@ -177,16 +174,18 @@ fn the_safebench_experiments_share_everything_but_their_sources() {
         );
         assert_eq!(split.held_out, 16 * options.draws as usize, "{stem}");
         let ids = experiment.lineages.iter().map(|lineage| lineage.id.clone());
-        if stem == "all-idm" {
-            together.extend(ids)
-        } else if stem == "all-sac" {
-            learned.extend(ids.map(as_idm))
-        } else {
-            alone.extend(ids)
-        }
+        let mut ids: Vec<LineageId> = ids.map(as_idm).collect();
+        ids.sort();
         let mut table = composed(&path).unwrap().table;
         for own in ["name", "describes", "cassette", "lineage"] {
             table.remove(own).unwrap();
+        }
+        if stem.starts_with("preventable-") {
+            assert!(experiment.fixed_bodies && experiment.simulator.of_kind, "{stem}");
+            table.remove("fixed_bodies");
+            table["simulator"].as_table_mut().unwrap().remove("of_kind");
+            let reading = table["evaluation"]["safebench"].as_table_mut().unwrap().remove("preventable");
+            assert!(reading.is_some(), "{stem}: no other reading than the published one");
         }
         // ChatScene's parent is composed; nobody else's is.
         let composes = experiment.lineages.iter().any(|lineage| asks(&lineage.family).templates.is_some());
@@ -194,12 +193,16 @@ fn the_safebench_experiments_share_everything_but_their_sources() {
         let roles = table["roles"].as_table_mut().unwrap();
         assert_eq!(roles.remove("template_agent").is_some(), composes, "{stem}");
         shared.insert(toml::to_string(&table).unwrap());
+        match experiment.lineages.len() {
+            1 => alone.extend(ids),
+            _ => together.push(ids),
+        }
     }
     assert_eq!(shared.len(), 1);
     alone.sort();
-    together.sort();
-    learned.sort();
-    assert_eq!((alone.len(), &alone, &alone), (4, &together, &learned));
+    assert_eq!(alone.len(), 4);
+    // Both egos under both readings.
+    assert_eq!(together, vec![alone; 4]);
 }
 
 /// The message with which a changed copy of a file is refused.
@@ -219,6 +222,8 @@ fn labels_that_a_protocol_does_not_read_are_refused_and_those_that_it_reads_are_
     let missing =
         refused("experiments/metadrive/cat-idm.toml", |text| text.replace("\ncounts_if_avoidable = ", "\n# "));
     assert!(missing.contains("evaluation.attack.counts_if_avoidable is missing"), "{missing}");
+    let unasked = refused("experiments/safebench/preventable-idm.toml", |text| text.replace("of_kind = true", ""));
+    assert!(unasked.contains("simulator.of_kind") && unasked.contains("evaluation.safebench.preventable"), "{unasked}");
     let unknown = refused("experiments/safebench/human-idm.toml", |text| text + "\n[evaluation.nothing]\n");
     assert!(unknown.contains("evaluation.nothing is unknown"), "{unknown}");
     let without = refused("experiments/safebench/human-idm.toml", |text| text.replace("draws = 4\n", ""));

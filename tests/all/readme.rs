@@ -76,6 +76,8 @@ fn pieces() -> Vec<String> {
     let (epoch, slot) = chosen.trim_start_matches('e').split_once('s').unwrap();
     let claims = text("golden/paper/claims.md");
     let head = claims.lines().find(|line| line.contains(" claims: ")).unwrap();
+    // Two counts end in `supported`.
+    let (_, behind_undecided) = head.split_once(" undecided, ").unwrap();
     let draws = seeds.values().next().unwrap().len();
     let mut pieces = vec![
         format!("Rust {} or later", value("Cargo.toml", "rust-version = \"")),
@@ -85,11 +87,12 @@ fn pieces() -> Vec<String> {
         format!("`{chosen}`: epoch {epoch}, proposal {slot}"),
         format!("chosen of {} by its gain", in_words(draws)),
         format!(
-            "Of {} claims of the paper, the recorded runs support {}, contradict {} and leave {} undecided",
+            "Of {} claims of the paper, the recorded runs support {}, contradict {}, leave {} undecided and cannot test {}",
             before(head, " claims: "),
-            before(head, " supported, 0 not testable"),
+            before(behind_undecided, " supported"),
             before(head, " not supported"),
-            before(head, " undecided")
+            before(head, " undecided"),
+            before(head, " not testable")
         ),
         format!("year    = {{{}}}", &value("CITATION.cff", "date-released: ")[..4]),
         format!("version = {{{}}}", value("Cargo.toml", "version = \"")),

@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::super::metrics::safebench::{Ars, ArsOptions, Criteria, ars, attack, criteria, run_realism, trace_score};
+use super::super::metrics::safebench::{
+    Ars, Criteria, SafebenchOptions, ars, attack, criteria, run_realism, trace_score,
+};
 use crate::kernel::num;
 use crate::objects::Objectives;
 use crate::objects::benchmark::{Benchmark, BenchmarkRow, Run, RunRealism, SafebenchRun};
@@ -14,8 +16,9 @@ use crate::sim::Outcome;
 
 impl SafebenchRun {
     /// `None` for an outcome of a scene that is not staged for a traffic family.
-    pub fn of(outcome: &Outcome, options: &ArsOptions) -> Option<SafebenchRun> {
-        Some(SafebenchRun { run: Run::of(outcome)?, realism: run_realism(outcome, options)? })
+    pub fn of(outcome: &Outcome, options: &SafebenchOptions) -> Option<SafebenchRun> {
+        let published = SafebenchRun { run: Run::of(outcome)?, realism: run_realism(outcome, &options.ars)? };
+        Some(options.preventable.map_or(published, |reading| reading.read(outcome, published)))
     }
 
     /// The run alone in the plane of attack and ARS.

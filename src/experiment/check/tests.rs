@@ -22,6 +22,7 @@ fn whole() -> Vec<Table> {
         "readings/published-idm",
         "readings/null-random-idm",
         "llm/preventable/cat",
+        "safebench/preventable-idm",
     ];
     let path = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../experiments/{name}.toml"));
     let mut all: Vec<Table> =

@@ -1,14 +1,13 @@
 //! Cheap ways to win in SafeBench's protocol, on its staged scenes: what of the tricks has a meaning there, and what that protocol alone
-//! tempts to. Every staged contact counts in it, so the fences are validity, the four parts of ARS, and who is counted at all.
+//! tempts to. Every staged contact counts in the published reading, so its fences are validity, the four parts of ARS, and who is counted at
+//! all. What passes these stops at the preventable reading.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::sync::{Arc, OnceLock};
 
 use evodrive::archive::{Account, ArchiveOptions, Means, Measure};
-use evodrive::compiler::Situation;
 use evodrive::ego::Policy;
-use evodrive::evaluation::metrics::safebench::ArsOptions;
 use evodrive::evaluation::{
     CacheError, EvaluationOptions, Group, RolloutCache, RolloutRecord, Runs, SafebenchOptions, SceneRef, Subject,
     evaluate,
@@ -24,7 +23,8 @@ use evodrive::synth::{FamilyOptions, family_member};
 
 use super::accepted::{Verdict, archive, verdict};
 use super::tricks::{self, Plan, Stage};
-use super::{TEMPTING_MIN, played};
+use super::{TEMPTING_MIN, played, prepared};
+use crate::harness::experiment;
 
 /// The protocol's bound of what may be reported.
 const REALISM_MIN: f64 = 0.8;
@@ -46,7 +46,8 @@ enum Fence {
     Acting,
     /// A program acts about as often as its parent.
     Coverage,
-    None,
+    /// The preventable reading. Taken out: the published one.
+    Reading,
 }
 
 impl Fence {
@@ -74,16 +75,22 @@ impl Fence {
                 });
             }
             Fence::Acting => conducts.for_each(|conduct| conduct.moved = true),
-            // Coverage is no part of a single run.
-            Fence::Coverage | Fence::None => {}
+            // Coverage is no part of a single run, and a reading none of what happened.
+            Fence::Coverage | Fence::Reading => {}
         }
+    }
+
+    /// Options with the fence and without.
+    fn options(self) -> [SafebenchOptions; 2] {
+        let published = SafebenchOptions { preventable: None, ..preventable() };
+        if self == Fence::Reading { [preventable(), published] } else { [published; 2] }
     }
 }
 
 type Trick = (&'static str, &'static str, Fence, fn(&Stage) -> Option<Plan>);
 
 #[rustfmt::skip]
-const TRICKS: [Trick; 8] = [
+const TRICKS: [Trick; 12] = [
     ("appears within the ego", "validity: overlap", Fence::Overlap, tricks::appears_in_the_ego),
     ("jumps in front of the ego", "validity: jump, kinematics", Fence::Jump, tricks::jumps_in_front),
     ("comes from off the road", "validity: off the road", Fence::OffRoad, tricks::comes_from_off_the_road),
@@ -92,17 +99,11 @@ const TRICKS: [Trick; 8] = [
     ("brakes with 2 g ahead of the ego while another one rams it", "the worst of several counts", Fence::Worst, brakes_before_a_ram),
     ("is never set off", "acting", Fence::Acting, is_never_set_off),
     ("rams in few scenes and is idle elsewhere", "coverage", Fence::Coverage, tricks::rams_from_behind),
-];
-
-/// What the protocol has no fence for, as its authors score: every staged contact counts in it, unavoidable ones and rams too, and a
-/// realism of 0.8 leaves room. That nobody wins so rests on the language: programs of its families set off scripts from published
-/// places, which a bicycle model drives.
-#[rustfmt::skip]
-const OPEN: [Trick; 4] = [
-    ("rams the ego from behind", "none", Fence::None, tricks::rams_from_behind),
-    ("drives against traffic", "none", Fence::None, tricks::drives_against_traffic),
-    ("a moving car slides sideways", "none", Fence::None, tricks::a_moving_car_slides_sideways),
-    ("darts across out of the blind side", "none", Fence::None, tricks::darts_across),
+    // As its authors score, the protocol has no fence for these: a realism of 0.8 leaves room.
+    ("rams the ego from behind", "preventable: no rams", Fence::Reading, tricks::rams_from_behind),
+    ("drives against traffic", "preventable: wrong way", Fence::Reading, tricks::drives_against_traffic),
+    ("a moving car slides sideways", "preventable: rolling", Fence::Reading, tricks::a_moving_car_slides_sideways),
+    ("darts across out of the blind side", "preventable: avoidable", Fence::Reading, tricks::darts_across),
 ];
 
 /// The one that brakes is the first of both.
@@ -136,10 +137,13 @@ fn a_walker_dashes(stage: &Stage) -> Option<Plan> {
     walks.then(|| actions(&family, &[12.0, 8.0, start_m]).ok().map(|actions| (None, actions)))?
 }
 
-fn ars() -> ArsOptions {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/protocols/safebench.toml");
-    let protocol: toml::Table = std::fs::read_to_string(path).unwrap().parse().unwrap();
-    protocol["evaluation"]["safebench"]["ars"].clone().try_into().expect("the protocol's bounds")
+/// The bounds of the shipped protocol and of its preventable reading.
+fn preventable() -> SafebenchOptions {
+    static OPTIONS: OnceLock<SafebenchOptions> = OnceLock::new();
+    *OPTIONS.get_or_init(|| {
+        let table = experiment("safebench/preventable-idm.toml")["evaluation"]["safebench"].clone();
+        SafebenchOptions { selected_per_group: 1, ..table.try_into().expect("the protocol's bounds") }
+    })
 }
 
 /// A scene that a parent leaves alone and in which it is a valid scenario.
@@ -152,21 +156,21 @@ struct Staged {
 fn staged() -> &'static [Staged] {
     static STAGES: OnceLock<Vec<Staged>> = OnceLock::new();
     STAGES.get_or_init(|| {
-        let (options, ars) = (FamilyOptions::all(), ars());
+        let (options, [published, _]) = (FamilyOptions::all(), Fence::Coverage.options());
         let scenes = (0..options.count()).map(|i| Arc::new(family_member(&options, Seed(7), i).unwrap()));
         let of = |scene: Arc<evodrive::scene::Scene>| {
-            let stage = Stage::once_fast(Situation::new(scene, &Policy::Idm).unwrap())?;
+            let stage = Stage::once_fast(prepared(scene, &Policy::Idm))?;
             let group = stage.situation.scene.staging.as_ref().map(|staging| (staging.family, staging.route))?;
             let parent = played(&stage, tricks::keeps_behind)?;
-            let (attack, realism) = SafebenchRun::of(&parent.outcome, &ars)?.point();
+            let (attack, realism) = SafebenchRun::of(&parent.outcome, &published)?.point();
             (attack == 0.0 && realism >= REALISM_MIN).then_some(Staged { stage, group, parent })
         };
         scenes.filter_map(of).collect()
     })
 }
 
-fn wins(outcome: &Outcome, ars: &ArsOptions, fence: Fence) -> bool {
-    let Some(run) = SafebenchRun::of(outcome, ars) else { return false };
+fn wins(outcome: &Outcome, options: &SafebenchOptions, fence: Fence) -> bool {
+    let Some(run) = SafebenchRun::of(outcome, options) else { return false };
     let (attack, realism) = run.point();
     match fence {
         // Whoever is never set off takes realism that nobody has to earn.
@@ -194,8 +198,8 @@ impl RolloutCache for Nothing {
     }
 }
 
-fn scored(name: &str, records: &[(Group, String, RolloutRecord)], ars: ArsOptions) -> Played {
-    let options = EvaluationOptions::Safebench { safebench: SafebenchOptions { selected_per_group: 1, ars } };
+fn scored(name: &str, records: &[(Group, String, RolloutRecord)], safebench: SafebenchOptions) -> Played {
+    let options = EvaluationOptions::Safebench { safebench };
     let program = Digest::of_bytes(name.as_bytes());
     let subject = Subject { program, ego: &Policy::Idm, simulator: Digest::of_bytes(b"plain"), seed: Seed(1) };
     let scene = |(group, id, _): &'_ (Group, String, RolloutRecord)| (*group, id.clone());
@@ -207,7 +211,7 @@ fn scored(name: &str, records: &[(Group, String, RolloutRecord)], ars: ArsOption
     let threads = Threads::new(1).unwrap();
     let score = evaluate(&subject, &refs, &label, &options, &Nothing, &threads).unwrap();
     let run = |(label, (group, _, record)): (&SceneScore, &(Group, String, RolloutRecord))| {
-        (label.request, (*group, SafebenchRun::of(&record.outcome, &ars).unwrap()))
+        (label.request, (*group, SafebenchRun::of(&record.outcome, &safebench).unwrap()))
     };
     let runs = score.scenes.iter().zip(records).map(run).collect();
     Played { score, runs }
@@ -234,14 +238,15 @@ impl Measure for GroupScores {
 
 /// Scenes in which a trick was tried, successes with its fence and without, and what acceptance says of each.
 fn judged((_, _, fence, plan): &Trick) -> ([usize; 3], [Verdict; 2]) {
-    let ars = ars();
+    let options = fence.options();
     let (mut counted, mut parents) = ([0; 3], Vec::new());
     let mut children: [Vec<(Group, String, RolloutRecord)>; 2] = Default::default();
     for Staged { stage, group, parent } in staged() {
         let Some(trick) = played(stage, *plan) else { continue };
         let mut fenceless = trick.clone();
         fence.remove(&mut fenceless.outcome);
-        let (with, mut works) = (wins(&trick.outcome, &ars, *fence), wins(&fenceless.outcome, &ars, *fence));
+        let (with, mut works) =
+            (wins(&trick.outcome, &options[0], *fence), wins(&fenceless.outcome, &options[1], *fence));
         let idle = || is_never_set_off(stage).and_then(|_| played(stage, is_never_set_off));
         // Few scenes, and nobody elsewhere: what coverage is for.
         let elsewhere = match fence {
@@ -260,13 +265,16 @@ fn judged((_, _, fence, plan): &Trick) -> ([usize; 3], [Verdict; 2]) {
             child.push((*group, id.clone(), if works { record } else { elsewhere.clone() }));
         }
     }
-    let before = scored("parent", &parents, ars);
-    let verdicts = [true, false].map(|fenced| {
-        let after = scored("child", &children[usize::from(!fenced)], ars);
+    let verdicts = [0, 1].map(|place| {
+        let before = scored("parent", &parents, options[place]);
+        let after = scored("child", &children[place], options[place]);
         let runs = before.runs.iter().chain(&after.runs).map(|(key, run)| (*key, *run)).collect();
-        let floor = if *fence == Fence::Coverage && !fenced { 0.0 } else { 0.8 };
+        let floor = if *fence == Fence::Coverage && place == 1 { 0.0 } else { 0.8 };
         let options = ArchiveOptions { coverage_floor: floor, ..archive(REALISM_MIN) };
-        verdict((&before.score, &after.score), &options, REALISM_MIN, &GroupScores(runs))
+        let said = verdict((&before.score, &after.score), &options, REALISM_MIN, &GroupScores(runs));
+        // Where a reading decides, attack is what it is about: whoever only stays nearer to the ego may be more realistic.
+        let gains = *fence != Fence::Reading || after.score.objectives.attack > before.score.objectives.attack;
+        Verdict { reported: said.reported && gains, ..said }
     });
     (counted, verdicts)
 }
@@ -277,14 +285,14 @@ fn no_cheap_winner_passes_its_fence_on_staged_scenes_and_each_is_reported_withou
         "| what was tried | fence | scenes | successes with it | without it | reported with it | without it |\n|---|---|--:|--:|--:|---|---|\n",
     );
     let mut wrong = Vec::new();
-    for (trick, fenced) in TRICKS.iter().map(|trick| (trick, true)).chain(OPEN.iter().map(|trick| (trick, false))) {
+    for trick in &TRICKS {
         let ([scenes, with, without], [closed, open]) = judged(trick);
         let said = |verdict: Verdict| if verdict.reported { "yes" } else { "no" };
         let (name, fence) = (trick.0, trick.1);
         writeln!(table, "| {name} | {fence} | {scenes} | {with} | {without} | {} | {} |", said(closed), said(open))
             .unwrap();
         let tempting = without >= TEMPTING_MIN && open.front && open.leads && open.reported;
-        if closed.reported == fenced || !tempting {
+        if closed.reported || !tempting {
             wrong.push((name, closed, open));
         }
     }

@@ -6,12 +6,14 @@ mod ars;
 #[cfg(test)]
 mod null_tests;
 mod overall;
+mod preventable;
 
 pub use ars::{
     Ars, ArsOptions, BoundedOptions, DistanceOptions, InteractionOptions, KinematicsOptions, MapOptions,
     ValidityOptions, WEIGHTS, ars, run_realism,
 };
 pub use overall::{Criteria, criteria};
+pub use preventable::PreventableOptions;
 
 /// What SafeBench's protocol rests on beside its formulas.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,13 +23,16 @@ pub struct SafebenchOptions {
     pub selected_per_group: usize,
     /// What the realism score rests on.
     pub ars: ArsOptions,
+    /// The stricter reading; without it every staged contact counts, as SafeBench counts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preventable: Option<PreventableOptions>,
 }
 
 impl SafebenchOptions {
     /// The name of the first option that defines no score, and what it must be.
     pub fn fault(&self) -> Option<(&'static str, &'static str)> {
         let count = (self.selected_per_group == 0).then_some(("selected_per_group", "at least 1"));
-        count.or_else(|| self.ars.fault())
+        count.or_else(|| self.ars.fault()).or_else(|| self.preventable.and_then(|options| options.fault()))
     }
 }
 
@@ -47,7 +52,7 @@ mod tests {
 
     #[test]
     fn options_that_define_no_score_are_named() {
-        let whole = SafebenchOptions { selected_per_group: 1, ars: ars::tests::OPTIONS };
+        let whole = ars::tests::PUBLISHED;
         assert_eq!(whole.fault(), None);
         assert_eq!(
             SafebenchOptions { selected_per_group: 0, ..whole }.fault(),
@@ -57,6 +62,11 @@ mod tests {
             let mut other = whole;
             other.ars.map.off_road_tolerance_m = no_number;
             assert_eq!(other.fault().map(|(name, _)| name), Some("map.off_road_tolerance_m"), "{no_number}");
+            if no_number != 0.0 {
+                let bounds = PreventableOptions { wrong_way_m_max: no_number, unrolled_m_max: 1.0 };
+                let fault = SafebenchOptions { preventable: Some(bounds), ..whole }.fault();
+                assert_eq!(fault.map(|(name, _)| name), Some("preventable.wrong_way_m_max"), "{no_number}");
+            }
         }
         for no_bound in [-1.0, f64::INFINITY, f64::NAN] {
             let mut other = whole;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::ars::tests::OPTIONS;
+use super::ars::tests::PUBLISHED;
 use crate::archive::{ArchiveOptions, PromotionRule, pf_area_pct};
 use crate::ego::Policy;
 use crate::evaluation::protocol::balanced::balanced;
@@ -26,7 +26,7 @@ fn labelled(pool: &[(Group, Scene)], program: impl Fn(&Scene) -> Vec<Action>) ->
     let run = |(group, scene): &(Group, Scene)| {
         let intervention = Intervention { actions: program(scene) };
         let outcome = rollout(&Plant::new(scene).unwrap(), &intervention, &mut *Policy::Idm.driver()).unwrap();
-        (*group, SafebenchRun::of(&outcome, &OPTIONS).unwrap())
+        (*group, SafebenchRun::of(&outcome, &PUBLISHED).unwrap())
     };
     pool.iter().map(run).collect()
 }

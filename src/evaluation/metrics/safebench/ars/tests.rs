@@ -1,6 +1,7 @@
 //! Worked examples of the realism score.
 
 use super::*;
+use crate::evaluation::metrics::safebench::SafebenchOptions;
 use crate::kernel::Digest;
 use crate::sim::{ActorRef, Contact, ContactClass, Driving, End, Feasibility, Motion, Side, Striker};
 
@@ -20,7 +21,10 @@ pub const OPTIONS: ArsOptions = ArsOptions {
     validity: ValidityOptions { jump_m_max: 2.0, off_road_m_max: 5.0 },
 };
 
-fn report() -> AdversaryReport {
+/// With them every staged contact counts.
+pub const PUBLISHED: SafebenchOptions = SafebenchOptions { selected_per_group: 1, ars: OPTIONS, preventable: None };
+
+pub fn report() -> AdversaryReport {
     AdversaryReport {
         actor: ActorRef::Inserted(0),
         kind: AgentKind::Vehicle,
@@ -37,7 +41,7 @@ fn report() -> AdversaryReport {
     }
 }
 
-fn conduct(kind: AgentKind) -> ActorConduct {
+pub fn conduct(kind: AgentKind) -> ActorConduct {
     ActorConduct {
         kind,
         moved: true,
@@ -48,7 +52,7 @@ fn conduct(kind: AgentKind) -> ActorConduct {
     }
 }
 
-fn outcome(actors: Vec<(AdversaryReport, ActorConduct)>) -> Outcome {
+pub fn outcome(actors: Vec<(AdversaryReport, ActorConduct)>) -> Outcome {
     let (adversaries, actors) = actors.into_iter().unzip();
     Outcome {
         end: End::Horizon,
@@ -99,7 +103,7 @@ fn abstaining_adds_no_realism() {
     assert_eq!(ars(&[nothing; 3], 0).unwrap().ars, 0.0);
 }
 
-fn contact(relative_speed_mps: f64) -> Contact {
+pub fn contact(relative_speed_mps: f64) -> Contact {
     Contact {
         with: ActorRef::Inserted(0),
         adversary: true,

@@ -1,0 +1,104 @@
+//! The stricter reading of SafeBench's runs, beside the published one in which every staged contact counts: only what a careful ego would
+//! have prevented is a collision, and nobody wins by a motion that traffic does not have. ARS weighs these too, but its floor of 0.8 leaves
+//! room for them. The paper has no such reading; it is ours.
+
+use serde::{Deserialize, Serialize};
+
+use crate::objects::benchmark::{Run, SafebenchRun};
+use crate::scene::AgentKind;
+use crate::sim::{AdversaryReport, Outcome};
+
+/// Bounds of the stricter reading: the table `[evaluation.safebench.preventable]`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PreventableOptions {
+    /// Farthest that anyone on wheels may drive against a lane in a valid scene, metres.
+    pub wrong_way_m_max: f64,
+    /// Farthest that anyone on wheels may go where rolling does not take them, metres within 6 s; needs `simulator.of_kind`.
+    pub unrolled_m_max: f64,
+}
+
+impl PreventableOptions {
+    /// The name of the first bound that defines no reading, and what it must be.
+    pub(super) fn fault(&self) -> Option<(&'static str, &'static str)> {
+        let all = [
+            ("preventable.wrong_way_m_max", self.wrong_way_m_max),
+            ("preventable.unrolled_m_max", self.unrolled_m_max),
+        ];
+        let offending = all.into_iter().find(|(_, x)| !(x.is_finite() && *x >= 0.0));
+        offending.map(|(name, _)| (name, "a number not below 0"))
+    }
+
+    /// The published labels of a run under this reading. A contact that does not count ends the run all the same: what the ego did
+    /// until then is scored, and its route counts as completed, so that the overall score does not fall by it.
+    pub(in crate::evaluation) fn read(&self, outcome: &Outcome, published: SafebenchRun) -> SafebenchRun {
+        let SafebenchRun { mut run, mut realism } = published;
+        let staged = outcome.contact.filter(|contact| contact.adversary);
+        if staged.is_some_and(|contact| !contact.class.could_be_prevented(contact.avoidable)) {
+            run = Run { collision: false, completion: 1.0, completed_s: None, ..run };
+        }
+        realism.valid &= outcome.adversaries.iter().all(|report| self.holds(report));
+        SafebenchRun { run, realism }
+    }
+
+    fn holds(&self, report: &AdversaryReport) -> bool {
+        if matches!(report.kind, AgentKind::Pedestrian | AgentKind::Static) {
+            return true;
+        }
+        let unrolled_m = report.of_kind.map_or(0.0, |of| of.simulated.unrolled_m);
+        report.simulated.wrong_way_m <= self.wrong_way_m_max && unrolled_m <= self.unrolled_m_max
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluation::metrics::safebench::SafebenchOptions;
+    use crate::evaluation::metrics::safebench::ars::tests::{PUBLISHED, conduct, contact, outcome, report};
+    use crate::sim::{ContactClass, OfKind, OfKindReport};
+
+    const STRICTER: SafebenchOptions = SafebenchOptions {
+        preventable: Some(PreventableOptions { wrong_way_m_max: 10.0, unrolled_m_max: 0.35 }),
+        ..PUBLISHED
+    };
+
+    fn met(class: ContactClass, avoidable: Option<bool>) -> Outcome {
+        let met = crate::sim::Contact { class, avoidable, adversary: true, ..contact(3.0) };
+        Outcome { contact: Some(met), ..outcome(vec![(report(), conduct(AgentKind::Vehicle))]) }
+    }
+
+    #[test]
+    fn only_what_a_careful_ego_would_have_prevented_is_a_collision_and_the_rest_costs_the_route_nothing() {
+        for (class, avoidable, counts) in [
+            (ContactClass::CutIn, Some(true), true),
+            (ContactClass::StationaryHit, Some(true), true),
+            (ContactClass::CutIn, Some(false), false),
+            (ContactClass::Crossing, None, false),
+            (ContactClass::RearEndEgoStruck, Some(true), false),
+        ] {
+            let outcome = met(class, avoidable);
+            let published = SafebenchRun::of(&outcome, &PUBLISHED).unwrap();
+            assert!(published.run.collision && published.run.completion == 0.5, "{class:?}");
+            let stricter = SafebenchRun::of(&outcome, &STRICTER).unwrap();
+            assert_eq!(stricter.run.collision, counts, "{class:?}, avoidable {avoidable:?}");
+            assert_eq!(stricter.run.completion, if counts { 0.5 } else { 1.0 }, "{class:?}");
+            assert_eq!(stricter.point().0 > 0.0, counts, "{class:?}");
+        }
+    }
+
+    #[test]
+    fn a_slide_or_a_way_against_traffic_makes_a_scene_invalid_of_anyone_on_wheels() {
+        let valid = |kind, wrong_way_m, unrolled_m| {
+            let simulated = OfKind { unrolled_m, speed_mps: 8.0 };
+            let mut one = AdversaryReport { kind, ..report() };
+            one.simulated.wrong_way_m = wrong_way_m;
+            one.of_kind = Some(OfKindReport { simulated, recorded: None });
+            let of = |options| SafebenchRun::of(&outcome(vec![(one.clone(), conduct(kind))]), options).unwrap();
+            assert!(of(&PUBLISHED).realism.valid);
+            of(&STRICTER).realism.valid
+        };
+        assert!(valid(AgentKind::Vehicle, 10.0, 0.35));
+        assert!(!valid(AgentKind::Vehicle, 10.1, 0.0) && !valid(AgentKind::Cyclist, 0.0, 0.36));
+        assert!(valid(AgentKind::Pedestrian, 50.0, 9.0), "someone on foot has no wheels and no lane");
+    }
+}

@@ -96,7 +96,7 @@ fn scenes(study: &Study, run: &RecordedRun, spec: &LineageSpec, most: usize) -> 
     let Some(result) = result(run, spec) else { return Vec::new() };
     let of = |solution: &SolutionId| label_in(run, spec, solution);
     let (before, after) = (of(&result.parent.solution), of(&result.evolved.solution));
-    let told = |place: &usize| {
+    let rank = |place: &usize| {
         let id = study.scenes[*place].scene().id.as_str();
         let label =
             |labels: &BTreeMap<&str, &SceneScore>| labels.get(id).map_or((0.0, 0.0), |of| (of.attack, of.realism));
@@ -105,7 +105,7 @@ fn scenes(study: &Study, run: &RecordedRun, spec: &LineageSpec, most: usize) -> 
     };
     let known = |place: &&usize| after.contains_key(study.scenes[**place].scene().id.as_str());
     let mut places: Vec<usize> = study.held_out.iter().filter(known).copied().collect();
-    places.sort_by(|a, b| told(b).total_cmp(&told(a)).then(a.cmp(b)));
+    places.sort_by(|a, b| rank(b).total_cmp(&rank(a)).then(a.cmp(b)));
     places.truncate(most);
     places
 }

@@ -23,7 +23,7 @@ pub fn of(run: &RecordedRun, result: &LineageResult, words: &Words) -> Option<Va
         let before = parent.mechanism_modules.get(*name);
         before.is_none_or(|before| before.expression != module.expression)
     });
-    let told = |name: &str, what: &str, text: &str| {
+    let entry = |name: &str, what: &str, text: &str| {
         let meanings: BTreeMap<String, &str> = names(text)
             .into_iter()
             .filter_map(|name| words.meanings.get(&name).map(|means| (name, means.as_str())))
@@ -34,9 +34,9 @@ pub fn of(run: &RecordedRun, result: &LineageResult, words: &Words) -> Option<Va
         .scenario_conditioned_policy
         .iter()
         .filter(|rule| !parent.scenario_conditioned_policy.contains(rule))
-        .map(|rule| told(&rule.name, "where this rule holds", &rule.when));
+        .map(|rule| entry(&rule.name, "where this rule holds", &rule.when));
     let modules =
-        modules.map(|(name, module)| told(name, &module.slot.replace('_', " "), &module.expression)).chain(rules);
+        modules.map(|(name, module)| entry(name, &module.slot.replace('_', " "), &module.expression)).chain(rules);
     Some(json!({
         "says": phrase(parent, chosen),
         "steps": steps,

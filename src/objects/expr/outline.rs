@@ -21,13 +21,13 @@ const LINE_MAX: usize = 90;
 pub fn outline(text: &str) -> Vec<(usize, String)> {
     let mut lines = Vec::new();
     match Expr::parse(text) {
-        Ok(expr) => told(&expr.root, 0, "", &mut lines),
+        Ok(expr) => outlined(&expr.root, 0, "", &mut lines),
         Err(_) => lines.push((0, text.to_string())),
     }
     lines
 }
 
-fn told(node: &Node, depth: usize, before: &str, lines: &mut Vec<(usize, String)>) {
+fn outlined(node: &Node, depth: usize, before: &str, lines: &mut Vec<(usize, String)>) {
     let short = words(node);
     if !branches(node) && short.chars().count() <= LINE_MAX {
         return lines.push((depth, format!("{before}{short}")));
@@ -40,18 +40,18 @@ fn told(node: &Node, depth: usize, before: &str, lines: &mut Vec<(usize, String)
                 return lines.push((depth, format!("{before}{then} where {}, else {otherwise}", words(condition))));
             }
             lines.push((depth, format!("{before}where {}:", words(condition))));
-            told(then, depth + 1, "", lines);
-            told(otherwise, depth, "else ", lines);
+            outlined(then, depth + 1, "", lines);
+            outlined(otherwise, depth, "else ", lines);
         }
         Kind::Call(function @ (Function::Min | Function::Max), arguments) => {
             let which = if *function == Function::Min { "the smallest of:" } else { "the largest of:" };
             lines.push((depth, format!("{before}{which}")));
-            arguments.iter().for_each(|argument| told(argument, depth + 1, "", lines));
+            arguments.iter().for_each(|argument| outlined(argument, depth + 1, "", lines));
         }
         Kind::Call(Function::Clamp, arguments) => {
             let [value, low, high] = &arguments[..] else { return lines.push((depth, short)) };
             lines.push((depth, format!("{before}kept between {} and {}:", words(low), words(high))));
-            told(value, depth + 1, "", lines);
+            outlined(value, depth + 1, "", lines);
         }
         Kind::Infix(Infix::Plus | Infix::Minus, ..) => {
             lines.push((depth, format!("{before}the sum of:")));
@@ -59,8 +59,8 @@ fn told(node: &Node, depth: usize, before: &str, lines: &mut Vec<(usize, String)
         }
         Kind::Infix(Infix::Times, left, right) => {
             lines.push((depth, format!("{before}the product of:")));
-            told(left, depth + 1, "", lines);
-            told(right, depth + 1, "", lines);
+            outlined(left, depth + 1, "", lines);
+            outlined(right, depth + 1, "", lines);
         }
         _ => lines.push((depth, format!("{before}{short}"))),
     }
@@ -73,7 +73,7 @@ fn terms(node: &Node, minus: bool, depth: usize, lines: &mut Vec<(usize, String)
             terms(left, minus, depth, lines);
             terms(right, minus != (*infix == Infix::Minus), depth, lines);
         }
-        _ => told(node, depth, if minus { "minus " } else { "" }, lines),
+        _ => outlined(node, depth, if minus { "minus " } else { "" }, lines),
     }
 }
 

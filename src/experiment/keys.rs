@@ -704,7 +704,7 @@ fn safebench() -> Vec<Key> {
                 "",
                 "m",
                 BOUND,
-                "Farthest that wheels may slide in a valid scene; needs `simulator.of_kind`.",
+                "Farthest that anyone but a pedestrian may slide in a valid scene; needs `simulator.of_kind`.",
             ),
         ],
     ));

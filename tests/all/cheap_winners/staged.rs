@@ -90,7 +90,7 @@ impl Fence {
 type Trick = (&'static str, &'static str, Fence, fn(&Stage) -> Option<Plan>);
 
 #[rustfmt::skip]
-const TRICKS: [Trick; 12] = [
+const TRICKS: [Trick; 14] = [
     ("appears within the ego", "validity: overlap", Fence::Overlap, tricks::appears_in_the_ego),
     ("jumps in front of the ego", "validity: jump, kinematics", Fence::Jump, tricks::jumps_in_front),
     ("comes from off the road", "validity: off the road", Fence::OffRoad, tricks::comes_from_off_the_road),
@@ -103,6 +103,8 @@ const TRICKS: [Trick; 12] = [
     ("rams the ego from behind", "preventable: no rams", Fence::Reading, tricks::rams_from_behind),
     ("drives against traffic", "preventable: wrong way", Fence::Reading, tricks::drives_against_traffic),
     ("a moving car slides sideways", "preventable: rolling", Fence::Reading, tricks::a_moving_car_slides_sideways),
+    ("a standing car slides slowly into the way", "preventable: rolling", Fence::Reading, tricks::a_standing_car_slides_slowly),
+    ("a parked thing slides into the way", "preventable: rolling", Fence::Reading, tricks::a_parked_thing_slides_into_the_way),
     ("darts across out of the blind side", "preventable: avoidable", Fence::Reading, tricks::darts_across),
 ];
 

@@ -185,6 +185,11 @@ pub fn a_standing_car_slides_slowly(stage: &Stage) -> Option<Plan> {
     alone(stage.around_meeting(AgentKind::Vehicle, stage.first, |t| ((1.0, 2.6 - 0.45 * t), 0.0)))
 }
 
+/// The same of a thing that no driver moves.
+pub fn a_parked_thing_slides_into_the_way(stage: &Stage) -> Option<Plan> {
+    alone(stage.around_meeting(AgentKind::Static, stage.first, |t| ((1.0, 2.6 - 0.45 * t), 0.0)))
+}
+
 pub fn a_standing_car_turns_on_the_spot(stage: &Stage) -> Option<Plan> {
     alone(stage.around_meeting(AgentKind::Vehicle, stage.first, |t| ((1.0, 2.3), -0.25 * t)))
 }

@@ -12,9 +12,9 @@ use crate::sim::{AdversaryReport, Outcome};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PreventableOptions {
-    /// Farthest that anyone on wheels may drive against a lane in a valid scene, metres.
+    /// Farthest that anyone but a pedestrian may drive against a lane in a valid scene, metres.
     pub wrong_way_m_max: f64,
-    /// Farthest that anyone on wheels may go where rolling does not take them, metres within 6 s; needs `simulator.of_kind`.
+    /// Farthest that anyone but a pedestrian may go where rolling does not take them, metres within 6 s; needs `simulator.of_kind`.
     pub unrolled_m_max: f64,
 }
 
@@ -42,7 +42,8 @@ impl PreventableOptions {
     }
 
     fn holds(&self, report: &AdversaryReport) -> bool {
-        if matches!(report.kind, AgentKind::Pedestrian | AgentKind::Static) {
+        // Someone on foot has neither wheels nor a lane; whatever stands has no way of its own that it could take.
+        if report.kind == AgentKind::Pedestrian {
             return true;
         }
         let unrolled_m = report.of_kind.map_or(0.0, |of| of.simulated.unrolled_m);
@@ -87,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slide_or_a_way_against_traffic_makes_a_scene_invalid_of_anyone_on_wheels() {
+    fn a_slide_or_a_way_against_traffic_makes_a_scene_invalid_but_of_someone_on_foot() {
         let valid = |kind, wrong_way_m, unrolled_m| {
             let simulated = OfKind { unrolled_m, speed_mps: 8.0 };
             let mut one = AdversaryReport { kind, ..report() };
@@ -99,6 +100,10 @@ mod tests {
         };
         assert!(valid(AgentKind::Vehicle, 10.0, 0.35));
         assert!(!valid(AgentKind::Vehicle, 10.1, 0.0) && !valid(AgentKind::Cyclist, 0.0, 0.36));
+        assert!(
+            valid(AgentKind::Static, 0.0, 0.35) && !valid(AgentKind::Static, 0.0, 0.36),
+            "what stands may not slide"
+        );
         assert!(valid(AgentKind::Pedestrian, 50.0, 9.0), "someone on foot has no wheels and no lane");
     }
 }

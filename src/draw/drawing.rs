@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::kernel::{Vec2, num};
-use crate::scene::{AgentKind, DT_S, LightState, Sample, Scene, Track};
+use crate::scene::{AgentKind, DT_S, LaneKind, LightState, Sample, Scene, Track};
 
 /// A road with actors that move over it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -15,6 +15,9 @@ pub struct Drawing {
     pub steps: usize,
     /// The current step; samples before it are history.
     pub current_step: usize,
+    /// Polygons of sidewalks, shoulders and parking: they lie beside the road and end where a crossing begins.
+    #[serde(default)]
+    pub verges: Vec<Vec<Vec2>>,
     /// Polygons of road surface.
     pub surfaces: Vec<Vec<Vec2>>,
     /// Lane borders, centre lines and edges.
@@ -183,6 +186,7 @@ impl Drawing {
                 add(LineStyle::Opposite, &lane.left);
             }
         }
+        let lanes = |beside: bool| scene.road.lanes.iter().filter(move |lane| (lane.kind == LaneKind::Other) == beside);
         let surface = |lane: &crate::scene::Lane| {
             let outline: Vec<Vec2> = lane.left.iter().chain(lane.right.iter().rev()).copied().collect();
             drawn_line(&outline)
@@ -191,7 +195,8 @@ impl Drawing {
             dt_s: DT_S,
             steps: scene.steps,
             current_step: scene.current_step,
-            surfaces: scene.road.lanes.iter().map(surface).collect(),
+            verges: lanes(true).map(surface).collect(),
+            surfaces: lanes(false).map(surface).collect(),
             lines,
             crosswalks: scene.crosswalks.iter().map(|c| drawn_line(c)).collect(),
             lights: scene

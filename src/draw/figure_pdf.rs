@@ -46,6 +46,11 @@ fn unmapped(shapes: &[Shape]) -> Option<(String, char)> {
     })
 }
 
+/// Words that somebody else chose, such as a model's, with a blank for each letter that the font lacks: of them no figure may depend.
+pub fn in_font(words: &str) -> String {
+    words.chars().map(|c| if code(c).is_some() { c } else { ' ' }).collect()
+}
+
 /// Names of the plain and the bold font in the page's content.
 const NAMES: [Name<'static>; 2] = [Name(b"F1"), Name(b"F2")];
 

@@ -6,6 +6,7 @@ mod drawing;
 mod figure;
 mod figure_pdf;
 mod film;
+mod grid;
 mod helvetica;
 mod lettering;
 mod panel;
@@ -19,8 +20,9 @@ pub use figure::{
     Anchor, BLACK, BLUE, Figure, GREEN, GREY, Ink, LIGHT, Mark, ORANGE, PURPLE, Rgb, SKY, Shape, VERMILION, WHITE,
     Words, YELLOW,
 };
-pub use figure_pdf::{PdfError, pdf};
+pub use figure_pdf::{PdfError, in_font, pdf};
 pub use film::{Film, FilmError, FilmOptions, film, gif};
+pub use grid::{Cell, GridOptions, grid};
 pub use helvetica::{width, wrapped};
 pub use panel::{Panel, colour, panel};
 pub use player::{PLAYER_CSS, PLAYER_JS, beside_html, escaped, player_html, players_below, players_html, script_json};

@@ -6,12 +6,13 @@ use crate::kernel::{OrientedBox, Vec2};
 
 /// Beside the road.
 const GROUND: Rgb = [240, 242, 238];
+const VERGE: Rgb = [226, 229, 228];
 const SURFACE: Rgb = [207, 212, 218];
 const EDGE: Rgb = [110, 118, 128];
 const TRAFFIC: Rgb = [128, 136, 146];
 
 /// Which part of a drawing is shown, and where on the sheet.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
     /// Left, top, width, height, points.
     pub place: [f64; 4],
@@ -21,6 +22,8 @@ pub struct Panel {
     pub width_m: f64,
     /// Step of the scene; ways are drawn up to it.
     pub step: usize,
+    /// Earlier steps at which ego and adversaries are drawn as outlines.
+    pub ghosts: Vec<usize>,
 }
 
 impl Panel {
@@ -57,8 +60,9 @@ impl Panel {
 /// Puts the moment on the sheet: road, everyone's box, the ways of ego and adversaries so far, and a cross where they touch.
 pub fn panel(figure: &mut Figure, drawing: &Drawing, panel: &Panel) {
     let mut shapes = vec![Shape::Rect(panel.place, Ink::fill(GROUND))];
-    for surface in drawing.surfaces.iter().filter(|points| panel.shows(points)) {
-        shapes.push(panel.closed(surface, Ink::fill(SURFACE).edged(SURFACE, 0.3)));
+    for (surfaces, colour) in [(&drawing.verges, VERGE), (&drawing.surfaces, SURFACE)] {
+        let seen = surfaces.iter().filter(|points| panel.shows(points));
+        shapes.extend(seen.map(|surface| panel.closed(surface, Ink::fill(colour).edged(colour, 0.3))));
     }
     for line in drawing.lines.iter().filter(|line| panel.shows(&line.points)) {
         let ink = match line.style {
@@ -75,6 +79,9 @@ pub fn panel(figure: &mut Figure, drawing: &Drawing, panel: &Panel) {
             shapes.push(panel.path(&way, Ink::line(colour(actor.role), 0.8)));
         }
     }
+    let leading = || drawing.actors.iter().filter(|actor| matches!(actor.role, Role::Ego | Role::Adversary));
+    let outlines = panel.ghosts.iter().flat_map(|step| leading().filter_map(|actor| outline(panel, actor, *step)));
+    shapes.extend(outlines);
     shapes.extend(drawing.actors.iter().filter_map(|actor| boxed(panel, actor)));
     if let Some(contact) = drawing.contact.as_ref().filter(|contact| contact.step <= panel.step) {
         let mut cross = Figure::new(0.0, 0.0, "");
@@ -86,9 +93,18 @@ pub fn panel(figure: &mut Figure, drawing: &Drawing, panel: &Panel) {
     figure.rect(panel.place, Ink::line(EDGE, 0.4));
 }
 
+fn corners(actor: &Actor, step: usize) -> Option<[Vec2; 4]> {
+    let [x, y, heading_rad, _] = (*actor.samples.get(step)?)?;
+    Some(OrientedBox::new(Vec2::new(x, y), heading_rad, actor.length_m, actor.width_m).corners())
+}
+
+fn outline(panel: &Panel, actor: &Actor, step: usize) -> Option<Shape> {
+    let corners = corners(actor, step)?;
+    panel.shows(&corners).then(|| panel.closed(&corners, Ink::line(colour(actor.role), 0.5)))
+}
+
 fn boxed(panel: &Panel, actor: &Actor) -> Option<Shape> {
-    let [x, y, heading_rad, _] = (*actor.samples.get(panel.step)?)?;
-    let corners = OrientedBox::new(Vec2::new(x, y), heading_rad, actor.length_m, actor.width_m).corners();
+    let corners = corners(actor, panel.step)?;
     let ink = match actor.role {
         Role::Ghost => Ink::line(TRAFFIC, 0.4).dashed(),
         role => Ink::fill(colour(role)).edged(WHITE, 0.3),
@@ -135,7 +151,7 @@ mod tests {
         panel(
             &mut figure,
             &drawing,
-            &Panel { place: [10.0, 10.0, 80.0, 40.0], middle: Vec2::ZERO, width_m: 40.0, step },
+            &Panel { place: [10.0, 10.0, 80.0, 40.0], middle: Vec2::ZERO, width_m: 40.0, step, ghosts: Vec::new() },
         );
         let Shape::Within(place, shapes) = figure.shapes.swap_remove(0) else { panic!("{:?}", figure.shapes) };
         assert_eq!(place, [10.0, 10.0, 80.0, 40.0]);

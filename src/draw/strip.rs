@@ -69,23 +69,41 @@ const LETTERS_PT: f64 = 7.5;
 const GAP_PT: f64 = 5.0;
 const CAPTION_PT: f64 = 12.0;
 
-/// The strip as a sheet of shapes, for PDF: `panel_px` are points there, and it has light colours.
-pub fn strip_figure(drawing: &Drawing, options: &StripOptions) -> Figure {
+/// The strips as a sheet of shapes, for PDF: `panel_px` are points there, and it has light colours. Several stand below each other, each
+/// under its line, as [`strips`] has them.
+pub fn strip_figure(rows: &[(String, &Drawing)], options: &StripOptions) -> Figure {
     // The part of the world and its shape are those of the SVG.
-    let view = View::of(drawing, &SvgOptions { width_px: PANEL_OF_VIEW_PX, ..panel_options(options) });
+    let all = together(rows);
+    let view = View::of(&all, &SvgOptions { width_px: PANEL_OF_VIEW_PX, ..panel_options(options) });
     let wide = options.panel_px;
     let high = wide * view.height_px / view.width_px;
     let count = options.steps.len().max(1) as f64;
     let title = if options.title.is_empty() { "driving scene" } else { &options.title };
-    let mut sheet = Figure::new(count * (wide + GAP_PT) - GAP_PT, high + CAPTION_PT, title);
+    let across = count * (wide + GAP_PT) - GAP_PT;
+    let mut sheet = Figure::new(across, 0.0, title);
+    for (line, drawing) in rows {
+        for line in wrapped(line, LETTERS_PT, across, 2) {
+            sheet.text((0.0, sheet.height + LETTERS_PT), LETTERS_PT, Anchor::Start, line);
+            sheet.height += LETTERS_PT + 2.0;
+        }
+        let top = sheet.height;
+        for (k, step) in options.steps.iter().enumerate() {
+            let left = k as f64 * (wide + GAP_PT);
+            let view = view_of(&all, options, &view, k);
+            let place = [left, top, wide, high];
+            let ghosts = Vec::new();
+            let of = Panel { place, middle: view.middle(), width_m: view.width_m(), step: *step, ghosts };
+            panel(&mut sheet, drawing, &of);
+        }
+        sheet.height = top + high + GAP_PT;
+    }
+    sheet.height -= GAP_PT;
     for (k, step) in options.steps.iter().enumerate() {
         let left = k as f64 * (wide + GAP_PT);
-        let view = view_of(drawing, options, &view, k);
-        let of = Panel { place: [left, 0.0, wide, high], middle: view.middle(), width_m: view.width_m(), step: *step };
-        panel(&mut sheet, drawing, &of);
-        let at = (left + 0.5 * wide, high + 9.0);
-        sheet.text(at, LETTERS_PT, Anchor::Middle, format!("t = {:.1} s", *step as f64 * drawing.dt_s));
+        let at = (left + 0.5 * wide, sheet.height + 9.0);
+        sheet.text(at, LETTERS_PT, Anchor::Middle, format!("t = {:.1} s", *step as f64 * all.dt_s));
     }
+    sheet.height += CAPTION_PT;
     for line in wrapped(&options.title, LETTERS_PT, sheet.width, 3) {
         sheet.text((0.0, sheet.height + LETTERS_PT), LETTERS_PT, Anchor::Start, line);
         sheet.height += LETTERS_PT + 2.0;

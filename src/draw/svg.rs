@@ -58,6 +58,7 @@ pub struct SvgOptions {
 
 pub(super) struct Palette {
     pub(super) ground: &'static str,
+    verge: &'static str,
     surface: &'static str,
     edge: &'static str,
     divider: &'static str,
@@ -73,6 +74,7 @@ impl Theme {
         match self {
             Theme::Light => Palette {
                 ground: "#eef1ec",
+                verge: "#e1e4e3",
                 surface: "#cdd2d8",
                 edge: "#5d6672",
                 divider: "#ffffff",
@@ -84,6 +86,7 @@ impl Theme {
             },
             Theme::Dark => Palette {
                 ground: "#14181d",
+                verge: "#232930",
                 surface: "#323942",
                 edge: "#8c97a5",
                 divider: "#aab3bf",
@@ -224,7 +227,7 @@ impl View {
         let mut points: Vec<Vec2> = Vec::new();
         let margin = match options.frame {
             Frame::Everything => {
-                points.extend(drawing.surfaces.iter().flatten());
+                points.extend(drawing.verges.iter().chain(&drawing.surfaces).flatten());
                 points.extend(drawing.actors.iter().flat_map(places));
                 MARGIN_M
             }
@@ -305,16 +308,20 @@ impl View {
 }
 
 fn draw_road(out: &mut String, drawing: &Drawing, view: &View, palette: &Palette) {
-    let _ = writeln!(
-        out,
-        "<g fill=\"{0}\" stroke=\"{0}\" stroke-width=\"{1:.1}\" stroke-linejoin=\"round\">",
-        palette.surface,
-        view.stroke(0.3, 0.8)
-    );
-    for surface in drawing.surfaces.iter().filter(|s| view.shows(s)) {
-        let _ = writeln!(out, "<path d=\"{}Z\"/>", view.path(surface));
+    for (surfaces, colour) in [(&drawing.verges, palette.verge), (&drawing.surfaces, palette.surface)] {
+        if surfaces.is_empty() {
+            continue;
+        }
+        let width = view.stroke(0.3, 0.8);
+        let _ = writeln!(
+            out,
+            "<g fill=\"{colour}\" stroke=\"{colour}\" stroke-width=\"{width:.1}\" stroke-linejoin=\"round\">"
+        );
+        for surface in surfaces.iter().filter(|s| view.shows(s)) {
+            let _ = writeln!(out, "<path d=\"{}Z\"/>", view.path(surface));
+        }
+        out.push_str("</g>\n");
     }
-    out.push_str("</g>\n");
     for crosswalk in drawing.crosswalks.iter().filter(|c| view.shows(c)) {
         draw_crosswalk(out, crosswalk, view, palette);
     }

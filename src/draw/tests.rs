@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::kernel::{Seed, Vec2};
-use crate::scene::Scene;
 use crate::scene::fixture::worlds;
-use crate::synth::{SynthOptions, WorldKind, generate};
+use crate::scene::{LaneKind, Scene};
+use crate::synth::{FamilyOptions, SynthOptions, WorldKind, family_member, generate};
 
 fn scene(kind: WorldKind) -> Scene {
     let options = SynthOptions { kinds: vec![kind], ..worlds() };
@@ -242,4 +242,18 @@ fn a_film_that_is_too_large_or_empty_is_no_panic() {
     assert!(none.pictures.is_empty() && !gif(&none, 10, 10).unwrap().is_empty());
     let large = Film { width: 70_000, height: 2, pictures: vec![] };
     assert!(gif(&large, 10, 10).unwrap_err().to_string().contains("--panel"));
+}
+
+#[test]
+fn sidewalks_lie_below_the_road_in_a_colour_of_their_own() {
+    let scene = family_member(&FamilyOptions::all(), Seed(7), 0).unwrap();
+    let drawing = Drawing::of_scene(&scene);
+    let beside = scene.road.lanes.iter().filter(|lane| lane.kind == LaneKind::Other).count();
+    assert!(beside > 0 && drawing.verges.len() == beside, "{beside}");
+    assert_eq!(drawing.surfaces.len() + beside, scene.road.lanes.len());
+    let document = svg(&drawing, &options("sidewalks"));
+    let at = |colour: &str| document.find(&format!("<g fill=\"{colour}\"")).expect("drawn");
+    assert!(at("#e1e4e3") < at("#cdd2d8"));
+    let none = svg(&Drawing { verges: Vec::new(), ..drawing }, &options("none"));
+    assert!(!none.contains("#e1e4e3"));
 }

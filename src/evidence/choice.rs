@@ -106,7 +106,7 @@ impl Standing {
 impl Choice {
     /// The choice of a lineage; `None` while the run is unfinished or has no such lineage.
     pub fn of(run: &RecordedRun, lineage: &LineageId, options: &SelectorOptions) -> Option<Choice> {
-        let result = run.result.as_ref()?.lineages.iter().find(|of| of.lineage == *lineage)?;
+        let result = run.result_of(lineage)?;
         let finalists: Vec<_> = run.finalists.iter().filter(|of| of.lineage == *lineage).collect();
         let measured: Vec<Measured> =
             finalists.iter().map(|of| Measured::new(of.solution.clone(), &of.score)).collect();

@@ -40,6 +40,9 @@ pub struct EditCredit {
     pub name: String,
     /// What it does, one text an operation.
     pub what: Vec<String>,
+    /// The parent with the edits up to this one against the parent: the way that the chain took. Absent in what an earlier version kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub so_far: Option<Result<Gain, String>>,
     /// The program against the program without this edit, or why there is no such program.
     pub taken_out: Result<Gain, String>,
     /// The parent with this edit alone against the parent, or why there is no such program.
@@ -82,18 +85,28 @@ impl Gain {
 impl Credit {
     /// The table in lines of at most `width` characters, then what it says in words.
     pub fn text(&self, width: usize) -> String {
-        let heads = ["edit", "needed: attack", "realism", "alone: attack", "realism", "taken out of the program"];
+        let heads = [
+            "edit",
+            "so far: attack",
+            "realism",
+            "needed: attack",
+            "realism",
+            "alone: attack",
+            "realism",
+            "taken out of the program",
+        ];
         let cells = |gain: &Result<Gain, String>| match gain {
             Ok(gain) => [signed(gain.attack), gain.realism.map_or("-".into(), signed)],
             Err(_) => ["-".to_string(), "-".to_string()],
         };
+        let none = Err(String::new());
         let row = |edit: &EditCredit| {
-            let ([needed, realism], [alone, realism_alone]) = (cells(&edit.taken_out), cells(&edit.alone));
+            let numbers = [edit.so_far.as_ref().unwrap_or(&none), &edit.taken_out, &edit.alone].map(cells);
             let verdict = match &edit.taken_out {
                 Ok(gain) => gain.verdict(),
                 Err(reason) => reason.clone(),
             };
-            vec![edit.name.clone(), needed, realism, alone, realism_alone, verdict]
+            [edit.name.clone()].into_iter().chain(numbers.into_iter().flatten()).chain([verdict]).collect()
         };
         let table = Aligned {
             indent: 0,
@@ -120,7 +133,7 @@ impl Credit {
             text.push_str(&format!("{}\n", self.sentence(edit)));
         }
         text.push_str(
-            "needed: the program minus the program without this edit; alone: the parent with this edit minus the parent; \
+            "so far: the parent with the edits up to this one minus the parent; needed: the program minus the program without this edit; alone: the parent with this edit minus the parent; \
              the shares of edits need not add up to the whole, because edits may need each other or do the same; \
              both paired by scene, in brackets 95 % bootstrap intervals over scenes; they hold for this one program, \
              and another seed of the search may give another\n",
@@ -217,6 +230,7 @@ mod tests {
         let edit = EditCredit {
             name: "e0s1".into(),
             what: Vec::new(),
+            so_far: Some(Ok(gain.clone())),
             taken_out: Err("another edit needs it".into()),
             alone: Ok(gain.clone()),
         };
@@ -226,6 +240,7 @@ mod tests {
         let said = credit.sentence(&credit.edits[0]);
         assert!(said.contains("another edit needs it; alone on the parent it raises attack by +1.000 ["), "{said}");
         assert!(credit.text(80).contains("need not add up to the whole"));
+        assert!(credit.text(200).contains("e0s1  +1.000 ["), "{}", credit.text(200));
         credit.edits[0].alone = Ok(Gain::of(&none, &real, None).unwrap());
         assert!(!credit.sentence(&credit.edits[0]).contains("alone on the parent"));
     }

@@ -17,9 +17,12 @@ const fn change(key: &'static str, group: &'static str, head: &'static str) -> C
     Column { key, group, head, upward: Some(true), form: Form::RateChange }
 }
 
+const SO_FAR: &str = "With the edits so far";
 const NEEDED: &str = "Lost without it";
 const ALONE: &str = "Alone on the parent";
-const COLUMNS: [Column; 4] = [
+const COLUMNS: [Column; 6] = [
+    change("so_far_attack", SO_FAR, "Attack"),
+    change("so_far_realism", SO_FAR, "Realism"),
     change("needed_attack", NEEDED, "Attack"),
     change("needed_realism", NEEDED, "Realism"),
     change("alone_attack", ALONE, "Attack"),
@@ -39,7 +42,8 @@ pub fn credits(run: &RecordedRun, credits: &[Credit]) -> Result<Table, TableErro
     let mut rows = Vec::new();
     for credit in credits {
         let program = credit.program.to_string();
-        let whole = [&Ok(credit.whole.clone()), &Err(String::new())];
+        let (whole, none) = (Ok(credit.whole.clone()), Err(String::new()));
+        let whole = [&whole, &whole, &none];
         let labels = vec![program.clone(), "all".into(), "the whole chain".into(), credit.whole.verdict()];
         rows.push(row(run, labels, whole, credit.scenes));
         for edit in &credit.edits {
@@ -50,11 +54,16 @@ pub fn credits(run: &RecordedRun, credits: &[Credit]) -> Result<Table, TableErro
             };
             let what: Vec<String> = edit.what.iter().map(|operation| shortened(operation, OPERATION_MAX)).collect();
             let labels = vec![program.clone(), edit.name.clone(), what.join("; "), verdict];
-            rows.push(row(run, labels, [&edit.taken_out, &edit.alone], credit.scenes));
+            rows.push(row(
+                run,
+                labels,
+                [edit.so_far.as_ref().unwrap_or(&none), &edit.taken_out, &edit.alone],
+                credit.scenes,
+            ));
         }
     }
     let notes = vec![
-        "Lost without it: the program minus the program without this edit. Alone on the parent: the parent with this edit minus the parent. \
+        "With the edits so far: the parent with the edits up to this one minus the parent. Lost without it: the program minus the program without this edit. Alone on the parent: the parent with this edit minus the parent. \
          The shares of edits need not add up to the whole, because edits may need each other or do the same. Realism: over the scenes in \
          which both act."
             .to_string(),
@@ -79,9 +88,11 @@ pub fn credits(run: &RecordedRun, credits: &[Credit]) -> Result<Table, TableErro
     })
 }
 
-fn row(run: &RecordedRun, labels: Vec<String>, gains: [&Result<Gain, String>; 2], scenes: usize) -> Row {
+fn row(run: &RecordedRun, labels: Vec<String>, gains: [&Result<Gain, String>; 3], scenes: usize) -> Row {
     let mut numbers: BTreeMap<&'static str, Estimate> = BTreeMap::new();
-    for (gain, [attack, realism]) in gains.into_iter().zip([[0, 1], [2, 3]].map(|of| of.map(|k| COLUMNS[k].key))) {
+    for (gain, [attack, realism]) in
+        gains.into_iter().zip([[0, 1], [2, 3], [4, 5]].map(|of| of.map(|k| COLUMNS[k].key)))
+    {
         let Ok(gain) = gain else { continue };
         numbers.insert(attack, gain.attack);
         numbers.extend(gain.realism.map(|own| (realism, own)));

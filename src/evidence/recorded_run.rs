@@ -1,5 +1,7 @@
 //! A recorded run, read back from its transcript: what every report, table and audit starts from.
 
+use std::collections::BTreeMap;
+
 use serde::{Serialize, de::DeserializeOwned};
 
 use crate::archive::ArchiveOptions;
@@ -7,7 +9,7 @@ use crate::kernel::Digest;
 use crate::objects::benchmark::ArchiveRound;
 use crate::objects::{
     Attempt, Composed, Counselled, LineageId, SceneScore, Score, SolutionId, WorldEvolved,
-    event::{Finalist, Frozen, HeldOut, Opened, ParentAdopted, RunResult, Settled, kind},
+    event::{Finalist, Frozen, HeldOut, LineageResult, Opened, ParentAdopted, RunResult, Settled, kind},
     program::Program,
     replay::Replayed,
 };
@@ -198,6 +200,17 @@ impl RecordedRun {
         let finalists = self.finalists.iter().map(|f| (&f.lineage, &f.solution, "evolution", &f.score));
         let held_out = self.held_out.iter().map(|h| (&h.lineage, &h.solution, "held_out", &h.score));
         attempts.chain(frozen).chain(finalists).chain(held_out)
+    }
+
+    /// How a lineage ended; `None` while the run is unfinished.
+    pub fn result_of(&self, lineage: &LineageId) -> Option<&LineageResult> {
+        self.result.as_ref()?.lineages.iter().find(|of| of.lineage == *lineage)
+    }
+
+    /// The held-out labels of a program by scene.
+    pub fn held_out_labels(&self, solution: &SolutionId) -> BTreeMap<&str, &SceneScore> {
+        let own = self.held_out.iter().filter(|of| of.solution == *solution);
+        own.flat_map(|of| &of.score.scenes).map(|label| (label.scene.as_str(), label)).collect()
     }
 
     /// The label of a program in a scene: a function of program, scene and ego, so it does not matter where it is met first.

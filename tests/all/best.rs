@@ -97,6 +97,13 @@ fn a_strip_is_a_page_of_pdf_with_its_font() {
     };
     let (ran, page) = draw("one.pdf", &[]);
     assert!(ran.code == 0 && page.starts_with(b"%PDF-"), "{}", ran.stderr);
+    let (ran, beside) = draw("beside.pdf", &["--beside", "replay"]);
+    let both: String = beside.iter().map(|b| char::from(*b)).collect();
+    assert!(
+        ran.code == 0 && both.matches("\nW\nn").count() == 6 && both.matches("(t = ").count() == 3,
+        "{}",
+        ran.stderr
+    );
     assert_eq!(draw("again.pdf", &["--jobs", "3"]).1, page, "the same bytes each time");
     let text: String = page.iter().map(|b| char::from(*b)).collect();
     assert!(text.contains("/FontFile2") && text.matches("(t = ").count() == 3 && text.matches("\nW\nn").count() == 3);
@@ -135,13 +142,69 @@ fn the_fronts_of_a_run_are_a_figure_with_its_points_and_a_chain_is_drawn_where_t
     let svg = std::fs::read_to_string(front).unwrap();
     assert_eq!(svg.matches("font-weight=\"bold\"").count(), 3, "a panel a lineage");
     let one = figure(&["pareto-front", "--lineage", "at-idm", "--out", &place("one.svg")]);
-    assert!(one.code == 0 && std::fs::read_to_string(place("one.svg")).unwrap().matches(">at-idm<").count() == 1);
+    assert!(
+        one.code == 0 && std::fs::read_to_string(place("one.svg")).unwrap().matches(">AT against IDM<").count() == 1
+    );
     let other = figure(&["patch-surface", "--out", &place("other.svg"), "--data", &points, "--overwrite"]);
     assert!(other.code == 2 && other.stderr.contains("only pareto-front has points"), "{}", other.stderr);
     assert!(!dir.path().join("other.svg").exists(), "refused before anything is written");
     // The first lineage reports its parent, so there is no chain to tell.
     let chain = figure(&["case-evolution", "--out", &place("chain.svg")]);
-    assert!(chain.stdout.starts_with("Evolution of at-idm: "), "{}", chain.stdout);
+    assert!(chain.stdout.starts_with("Evolution of AT against IDM: "), "{}", chain.stdout);
+    // Two below each other, under the names that people use; what each program of a chain gained is what credit says.
+    let copy = copied(dir.path());
+    let name = copy.to_str().unwrap();
+    let two = place("two.svg");
+    let words =
+        ["figure", "case-evolution", "--lineage", "adv_bmt-idm", "--lineage", "cat-idm", "--out", &two, "--run", name];
+    let drawn = run(&words);
+    assert_eq!(drawn.code, 0, "{}", drawn.stderr);
+    let svg = std::fs::read_to_string(&two).unwrap();
+    for said in ["ADV-BMT against IDM", "CAT against IDM", "Change on held-out scenes", ">p3<"] {
+        assert!(svg.contains(said), "{said}");
+    }
+    assert_eq!(svg.matches("Change on held-out scenes").count(), 1, "the other one reports its parent");
+    for internal in ["adv_bmt-idm", "/operator_graph", "/mechanism_modules", "Its proposer expected"] {
+        assert!(!svg.contains(internal), "{internal}");
+    }
+    let missing = figure(&["case-evolution", "--lineage", "at-idx", "--out", &place("none.svg")]);
+    assert!(missing.code == 2 && missing.stderr.contains("at-idx"), "{}", missing.stderr);
+}
+
+#[test]
+fn many_scenes_stand_on_one_sheet_with_the_contacts_first() {
+    let dir = tempfile::tempdir().unwrap();
+    let draw = |file: &str, words: &[&str]| {
+        let to = dir.path().join(file);
+        let ran = run(&[&["--json", "scenes", "draw", "--out", to.to_str().unwrap()], words].concat());
+        (ran, std::fs::read(&to).unwrap_or_default())
+    };
+    let own = |count| ["--run", folder(), "--attempt", "adv_bmt-idm/e4s1", "--grid", count];
+    let (ran, sheet) = draw("twelve.svg", &own("12"));
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let said: Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert!(said["scenes"].as_array().unwrap().len() == 12 && said["left_out"].as_u64() > Some(0), "{said}");
+    let text = String::from_utf8(sheet.clone()).unwrap();
+    assert_eq!(
+        text.matches(">contact with the adversary, ").count(),
+        said["title"].as_str().unwrap().split_whitespace().nth(1).unwrap().parse::<usize>().unwrap()
+    );
+    let first = text.find(">contact with the adversary, ").expect("a contact");
+    assert!(text.find(">no contact up to").is_none_or(|other| first < other), "contacts come first");
+    assert_eq!(draw("again.svg", &[&own("12")[..], &["--jobs", "3"]].concat()).1, sheet, "the same bytes each time");
+    let scene = said["scenes"][0].as_str().unwrap();
+    let (one, page) = draw("one.pdf", &[&own("4")[..], &["--scene", scene]].concat());
+    assert!(one.code == 0 && page.starts_with(b"%PDF-") && one.stdout.contains("\"left_out\":0"), "{}", one.stderr);
+    for (file, more, expected) in [
+        ("film.gif", &[][..], "drawn as .svg or .pdf"),
+        ("dark.svg", &["--dark"], "light colours"),
+        ("two.svg", &["--frames", "2"], "cannot be used with"),
+    ] {
+        let (ran, left) = draw(file, &[&own("4")[..], more].concat());
+        assert!(ran.code == 2 && ran.stderr.contains(expected) && left.is_empty(), "{file}: {}", ran.stderr);
+    }
+    let (none, _) = draw("none.svg", &own("0"));
+    assert!(none.code == 2 && none.stderr.contains("expected 1 to 60 panels"), "{}", none.stderr);
 }
 
 #[test]

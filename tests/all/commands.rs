@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use crate::backends::experiment;
-use crate::harness::{Ran, evodrive, folder_below, home, run};
+use crate::harness::{Ran, evodrive, folder_below, home, report_data, run};
 
 fn call(command: &str, path: &Path, out: &Path, more: &[&str]) -> Ran {
     let fixed = [command, path.to_str().unwrap(), "--no-report", "--out", out.to_str().unwrap()];
@@ -108,6 +108,28 @@ fn seeds_that_both_runs_have_are_pooled_and_one_seed_is_compared_with_its_like()
     assert_eq!(names, ["cat, pooled", "cat-s0", "cat-s1"], "{text}");
     assert!(lines.iter().zip(ends).all(|(line, end)| line.trim_end().ends_with(end)), "{text}");
     assert!(!text.contains("budget.finalists"), "both measure as many: {text}");
+    // The same on the page of one of them: the row is the pooled one, and each seed has the other run's program in its front.
+    let page = run(&["report", &two, "--beside", &other, "--beside", &one]);
+    assert_eq!(page.code, 0, "{}", page.stderr);
+    let data = report_data(&std::fs::read_to_string(Path::new(&two).join("report.html")).unwrap());
+    let others = data[0]["others"].as_array().unwrap();
+    let [with_seeds, alone] = &others[..] else { panic!("{others:?}") };
+    assert_eq!(with_seeds["by"], "rule-based stand-in");
+    let [row] = &with_seeds["rows"].as_array().unwrap()[..] else { panic!("{with_seeds}") };
+    assert_eq!(
+        (&row["search"], &row["seeds"], &row["quantities"]),
+        (&"cat".into(), &2.into(), &rows[0]["pooled"]["quantities"])
+    );
+    let lineages = |of: &serde_json::Value| -> Vec<String> {
+        of["points"].as_array().unwrap().iter().map(|point| point["lineage"].as_str().unwrap().to_string()).collect()
+    };
+    assert_eq!(
+        (lineages(with_seeds), lineages(alone)),
+        (vec!["cat-s0".to_string(), "cat-s1".into()], vec!["cat-s0".to_string()])
+    );
+    assert_eq!(alone["rows"][0]["seeds"], 1);
+    let itself = run(&["report", &two, "--beside", &two]);
+    assert!(itself.code == 2 && itself.stderr.contains("expected another run"), "{}", itself.stderr);
     let mixed = run(&["compare", &one, &two]);
     for part in ["cat and cat-s0: A", "only B has the seeds 1, which are left out", SPREAD] {
         assert!(mixed.stdout.contains(part), "{part}: {} {}", mixed.stdout, mixed.stderr);

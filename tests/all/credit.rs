@@ -48,6 +48,12 @@ fn what_an_edit_is_worth_is_what_the_program_before_it_lacks() {
     let (needed, without) = (attack(&edits[edits.len() - 1]["taken_out"]["Ok"]), attack(&of_before["whole"]));
     assert!((gain - needed - without).abs() < 1e-12, "{gain} is not {needed} more than {without}");
     assert_eq!(edits[0]["alone"], of_before["edits"][0]["alone"]);
+
+    // The way of the chain: each step is what the program of that step gained.
+    let so_far = |of: &Value, nth: usize| of["edits"][nth]["so_far"]["Ok"].clone();
+    assert_eq!(so_far(&of_last, edits.len() - 1), of_last["whole"]);
+    assert_eq!(so_far(&of_last, edits.len() - 2), of_before["whole"]);
+    assert_ne!(of_before["whole"], of_last["whole"]);
 }
 
 #[test]

@@ -8,6 +8,7 @@ mod archive_hypervolume;
 mod audit;
 mod backends;
 mod best;
+mod blessing;
 mod bundle;
 mod by_hand;
 mod cheap_winners;

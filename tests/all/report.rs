@@ -14,7 +14,15 @@ const SELECTOR: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance
 
 fn page(run: &RecordedRun, stage: &Stage) -> String {
     let words = Words::default();
-    let beside = Beside { selector: &SELECTOR, cost: None, credits: &[], agreement: None, words: &words, live: None };
+    let beside = Beside {
+        selector: &SELECTOR,
+        cost: None,
+        credits: &[],
+        agreement: None,
+        others: &[],
+        words: &words,
+        live: None,
+    };
     html(run, stage, &beside)
 }
 

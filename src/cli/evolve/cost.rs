@@ -156,13 +156,10 @@ fn sum(cost: &RunCost) -> Work {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::epoch::{Clock, Desk, Meter, Mode, Rollouts, Tools};
-    use crate::experiment::Experiment;
-    use crate::kernel::{Digest, Threads};
-    use crate::llm::{Cassette, Replay};
+    use crate::cli::evolve::first_epoch::carried_out;
+    use crate::epoch::Clock;
+    use crate::kernel::Digest;
     use crate::objects::FamilyName;
-    use crate::store::{Store, Transcript};
-    use std::path::Path;
     use std::sync::atomic::{AtomicU64, Ordering};
 
     fn lineage(name: &str, work: Work) -> LineageCost {
@@ -206,26 +203,8 @@ mod tests {
         assert_eq!(kept(&folder).unwrap(), Some(cost(3)));
     }
 
-    /// Root and cost of the quickstart's first epoch.
     fn run(clock: Option<Clock<'_>>) -> (Digest, RunCost) {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml");
-        let mut experiment = Experiment::read(&file).unwrap();
-        experiment.budget.epochs = 1;
-        experiment.budget.finalists = 1;
-        let threads = Threads::new(2).unwrap();
-        let scenes = experiment.scenes(&[], &threads).unwrap();
-        let cassette = Cassette::load(&file.parent().unwrap().join(&experiment.cassette)).unwrap();
-        let replay = Replay::new(cassette, "");
-        let study = experiment.study(scenes, &threads).unwrap();
-        let dir = tempfile::tempdir().unwrap();
-        let store = Store::open(&dir.path().join("store")).unwrap();
-        let rollouts = Rollouts::new(&store, Mode::Reuse);
-        let log = Transcript::create(&dir.path().join("transcript.jsonl")).unwrap();
-        let meter = clock.map(Meter::new).unwrap_or_default();
-        let tools = Tools::new(&study, &replay, &threads, &rollouts, meter);
-        let mut desk = Desk { log, watch: &mut |_| {}, tools };
-        crate::epoch::run(&study, &mut desk).unwrap();
-        (desk.log.head(), of(&study, &desk.tools))
+        carried_out(clock, |study, _, desk| (desk.log.head(), of(study, &desk.tools)))
     }
 
     #[test]

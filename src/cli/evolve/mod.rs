@@ -3,6 +3,8 @@
 pub mod behind;
 pub mod cost;
 pub mod exchange;
+#[cfg(test)]
+pub mod first_epoch;
 pub mod held;
 pub mod init;
 pub mod job_args;

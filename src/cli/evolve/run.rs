@@ -581,7 +581,7 @@ impl Done {
         let run = folder.recorded_on(Some(&self.threads))?;
         if way.reports() {
             let backend = behind::backend(&self.experiment, rollouts);
-            page::write(&self.study, folder, &run, backend, None, &self.threads)?;
+            page::write(&self.study, folder, &run, backend, page::Asked::default(), &self.threads)?;
         }
         Ok(answer(&self.experiment, folder, &run, &self.result, self.root, self.counts))
     }

@@ -101,7 +101,7 @@ fn look(
     let live = Live { epochs: experiment.budget.epochs, proposals: proposals(experiment), reload_s };
     let cost = cost::kept(folder)?;
     let (selector, cost, words) = (&experiment.selector, cost.as_ref(), Words::default());
-    let beside = Beside { selector, cost, credits: &[], agreement: None, words: &words, live: Some(live) };
+    let beside = Beside { selector, cost, credits: &[], agreement: None, others: &[], words: &words, live: Some(live) };
     store::write_atomic(&folder.report(), report::html(&run, &Stage::default(), &beside).as_bytes())?;
     Ok(Some(run))
 }
@@ -116,7 +116,7 @@ fn finished(
     let study = experiment.study(folder.read_pool()?, threads)?;
     let replay = behind::replay_of(experiment, folder)?;
     let answers = replay.as_ref().map(|replay| replay as &dyn Answers);
-    page::write(&study, folder, run, behind::backend(experiment, answers), None, threads)?;
+    page::write(&study, folder, run, behind::backend(experiment, answers), page::Asked::default(), threads)?;
     let report = folder.report();
     let text = format!("the run is finished\nreport: {}\nroot: {}", report.display(), run.root);
     Ok(Answer::new(text, json!({"report": report, "root": run.root})))

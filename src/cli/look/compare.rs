@@ -15,6 +15,7 @@ use crate::evidence::tables::{
 };
 use crate::experiment::composed;
 use crate::kernel::num;
+use crate::objects::SolutionId;
 
 /// Characters of a value that a line shows.
 const SHOWN_CHARS: usize = 60;
@@ -42,7 +43,7 @@ struct Changed {
 }
 
 /// A heading of the comparison with its quantities.
-enum Block {
+pub enum Block {
     /// Two programs.
     Two(Comparison),
     /// The programs of several seeds of both.
@@ -50,14 +51,14 @@ enum Block {
 }
 
 impl Block {
-    fn quantities(&self) -> &[Compared] {
+    pub fn quantities(&self) -> &[Compared] {
         match self {
             Block::Two(of) => &of.quantities,
             Block::Seeds { of, .. } => &of.quantities,
         }
     }
 
-    fn scenes(&self) -> usize {
+    pub fn scenes(&self) -> usize {
         match self {
             Block::Two(of) => of.scenes,
             Block::Seeds { of, .. } => of.scenes,
@@ -72,10 +73,27 @@ impl Block {
     }
 }
 
-pub fn run(options: &Options) -> Result<Answer, Failure> {
-    let [first, second] = options.runs.named()?;
-    let (first, second) = (Side::named(&first.to_string_lossy())?, Side::named(&second.to_string_lossy())?);
-    let Pairs { searches, mut notes } = pairs(&first, &second)?;
+/// All that two sides have in common.
+pub struct Blocks {
+    /// By name; what is pooled over seeds stands before the seeds.
+    pub rows: Vec<(String, Block)>,
+    /// The programs behind them.
+    pub pairs: Vec<[SolutionId; 2]>,
+    /// Seeds of each search.
+    pub seeds: Vec<usize>,
+    /// Whether the two measure attack alike; where not, no row has it.
+    pub one_attack: bool,
+    /// What was left out, and why.
+    pub notes: Vec<String>,
+}
+
+/// What two sides come to, paired by scene.
+///
+/// # Errors
+/// No search of the same name, or no scene that both have labels of.
+pub fn blocks(first: &Side, second: &Side) -> Result<Blocks, Failure> {
+    let Pairs { searches, mut notes } = pairs(first, second)?;
+    let mut paired: Vec<[SolutionId; 2]> = Vec::new();
     let mut rows: Vec<(String, Block)> = Vec::new();
     let mut seeds: Vec<usize> = Vec::new();
     for search in &searches {
@@ -84,6 +102,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
             let (one, other) = ((&first.run, &pair.first), (&second.run, &pair.second));
             match compared(one, other) {
                 Some(comparison) => {
+                    paired.push([pair.first.clone(), pair.second.clone()]);
                     alone.push((pair.name.clone(), Block::Two(comparison)));
                     together.push((one, other));
                 }
@@ -101,9 +120,9 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     if rows.is_empty() {
         return Err(Failure::bad_input(format!("nothing can be compared: {}", notes.join("; "))));
     }
-    let changes = changed(&first.folder, &second.folder)?;
     let [one, other] = [&first.run, &second.run].map(|run| run.opened.attack.clone());
-    if one != other {
+    let one_attack = one == other;
+    if !one_attack {
         // Their difference would look like a number and say nothing.
         let resting = |row: &Compared| row.quantity == "attack" || row.quantity == STRICT_REALISM;
         rows.iter_mut().for_each(|(_, of)| match of {
@@ -114,6 +133,14 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         notes.push(format!("attack is left out, because the two runs measure it differently: A's is {one}, B's is {other}; so is strict realism, which rests on \
              the attacks"));
     }
+    Ok(Blocks { rows, pairs: paired, seeds, one_attack, notes })
+}
+
+pub fn run(options: &Options) -> Result<Answer, Failure> {
+    let [first, second] = options.runs.named()?;
+    let (first, second) = (Side::named(&first.to_string_lossy())?, Side::named(&second.to_string_lossy())?);
+    let Blocks { rows, seeds, mut notes, .. } = blocks(&first, &second)?;
+    let changes = changed(&first.folder, &second.folder)?;
     notes.extend(one_seed(&seeds, "scenes"));
     notes.extend(alike(&rows));
     match [&first.run.seed_note, &second.run.seed_note] {

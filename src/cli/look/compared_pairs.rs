@@ -15,7 +15,7 @@ pub struct Side {
     pub folder: RunFolder,
     pub run: RecordedRun,
     /// A lineage or a program; nothing for all lineages.
-    part: Option<String>,
+    pub part: Option<String>,
 }
 
 /// The program that a seed of a search is reported by, or the one that is meant.

@@ -30,7 +30,7 @@ use crate::experiment::ProgramFile;
 use crate::families;
 use crate::kernel::{Digest, Seed, Threads};
 use crate::objects::event::ParentAdopted;
-use crate::objects::{Operation, Program, ProgramPatch, SceneScore, SolutionId};
+use crate::objects::{LineageId, Operation, Program, ProgramPatch, SceneScore, SolutionId};
 use crate::stage::Source;
 
 #[derive(Debug, Args)]
@@ -117,12 +117,34 @@ fn played(
 pub fn of_reported(folder: &RunFolder, run: &RecordedRun, threads: &Threads) -> Result<Vec<Credit>, Failure> {
     let programs = reported(run, &folder.read_experiment()?.selector, None);
     let mut credits = kept_credit::kept(folder, run)?;
-    credits.retain(|of| programs.contains(&of.program));
+    // What an earlier version kept lacks the way of the chain.
+    credits.retain(|of| programs.contains(&of.program) && of.edits.iter().all(|edit| edit.so_far.is_some()));
     let is_missing = |program: &&SolutionId| credits.iter().all(|of| of.program != **program);
     let missing: Vec<SolutionId> = programs.iter().filter(is_missing).cloned().collect();
     credits.extend(played(&How::default(), (folder, run), &missing, threads)?);
     credits.sort_by_key(|of| programs.iter().position(|program| *program == of.program));
     Ok(credits)
+}
+
+/// Of the program that a finished lineage reports: what the run's folder keeps, or rollouts. `None` where the parent is reported, the run is
+/// unfinished, another simulator labelled it, or its protocol is SafeBench's, whose archive is of many programs.
+pub fn of_lineage(
+    folder: &RunFolder,
+    run: &RecordedRun,
+    lineage: &LineageId,
+    threads: &Threads,
+) -> Result<Option<Credit>, Failure> {
+    let Some(result) = run.result_of(lineage) else { return Ok(None) };
+    let reported = &result.evolved.solution;
+    let of_another = folder.read_experiment()?.simulator.backend.is_some();
+    if *reported == result.parent.solution || !run.rounds.is_empty() || of_another {
+        return Ok(None);
+    }
+    let known = |of: &Credit| of.program == *reported && of.edits.iter().all(|edit| edit.so_far.is_some());
+    match kept_credit::kept(folder, run)?.into_iter().find(known) {
+        Some(credit) => Ok(Some(credit)),
+        None => Ok(played(&How::default(), (folder, run), std::slice::from_ref(reported), threads)?.pop()),
+    }
 }
 
 /// Whether a parent is of the lineage of this name, or of one of its seeds.
@@ -238,10 +260,12 @@ fn credit(
     if hash(&whole)? != end {
         return Err(Failure::divergence(format!("{solution}: its patches on its parent give another program")));
     }
+    // Up to an edit of the chain, the edit too.
+    let so_far = |edit: &Edit| way.with(source, |place| edit.places.last().is_none_or(|last| place <= *last));
     let without = |edit: &Edit| way.with(source, |place| !edit.places.contains(&place));
     let alone = |edit: &Edit| way.with(source, |place| edit.places.contains(&place));
-    let variants: Vec<[Result<Program, String>; 2]> =
-        way.edits.iter().map(|edit| [without(edit), alone(edit)]).collect();
+    let variants: Vec<[Result<Program, String>; 3]> =
+        way.edits.iter().map(|edit| [so_far(edit), without(edit), alone(edit)]).collect();
     // The same program comes about in several ways, the parent and the whole first of all: each is played once.
     let mut programs = BTreeMap::from([(start, way.parent), (end, &whole)]);
     for program in variants.iter().flatten().filter_map(|variant| variant.as_ref().ok()) {
@@ -260,9 +284,10 @@ fn credit(
         let digest = variant.as_ref().map_err(String::clone)?.hash().map_err(|error| error.to_string())?;
         labels[&digest].as_ref().map_err(String::clone)
     };
-    let of_edit = |(edit, [without, alone]): (&Edit, &[Result<Program, String>; 2])| EditCredit {
+    let of_edit = |(edit, [so_far, without, alone]): (&Edit, &[Result<Program, String>; 3])| EditCredit {
         name: edit.name.clone(),
         what: edit.places.iter().map(|place| way.operations[*place].in_words()).collect(),
+        so_far: Some(of_variant(so_far).and_then(|of| Gain::of(before, of, drawn.as_ref()).ok_or_else(none))),
         taken_out: of_variant(without).and_then(|of| Gain::of(of, after, drawn.as_ref()).ok_or_else(none)),
         alone: of_variant(alone).and_then(|of| Gain::of(before, of, drawn.as_ref()).ok_or_else(none)),
     };

@@ -4,14 +4,15 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-use crate::cli::look::{playables, rollout};
+use crate::cli::look::{credit, playables, rollout};
 use crate::cli::records::folder::RunFolder;
 use crate::cli::records::run_name::{OneRun, Runs};
+use crate::cli::scenes::files;
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{Figure, pdf};
 use crate::evidence::RecordedRun;
-use crate::evidence::figures::{self, Case, FigureError, Side};
+use crate::evidence::figures::{self, Case, Evolved, FigureError, Side};
 use crate::objects::{LineageId, SolutionId};
 
 #[derive(Debug, Args)]
@@ -20,10 +21,10 @@ pub struct Options {
     pub figure: Which,
     #[command(flatten)]
     pub runs: Runs,
-    /// The lineage that `case-evolution` shows, without it the run's first whose reported program has patches; or the one that
-    /// `pareto-front` and `front` show, without it all.
+    /// A lineage to show; may be given again. `case-evolution` shows these below each other, without one the run's first whose
+    /// reported program has patches, `pareto-front` and `front` a panel each, without one all.
     #[arg(long)]
-    pub lineage: Option<String>,
+    pub lineage: Vec<String>,
     /// File to write: .svg, or .pdf with its font embedded.
     #[arg(long)]
     pub out: PathBuf,
@@ -62,40 +63,56 @@ pub enum Which {
 pub type FolderAndRun = (RunFolder, RecordedRun);
 
 impl Which {
-    /// The figure of these runs; of a lineage where it is of one.
-    pub fn of(self, runs: &[FolderAndRun], lineage: Option<&str>, jobs: usize) -> Result<Figure, Failure> {
+    /// The figure of these runs; of some lineages where they are named.
+    pub fn of(self, runs: &[FolderAndRun], lineages: &[String], jobs: usize) -> Result<Figure, Failure> {
         let recorded_runs: Vec<RecordedRun> = runs.iter().map(|(_, run)| run.clone()).collect();
-        let played = if self == Which::Cases { cases(runs, jobs)? } else { Vec::new() };
-        self.drawn(&recorded_runs, lineage, &played).map_err(Failure::bad_input)
-    }
-
-    fn drawn(
-        self,
-        recorded_runs: &[RecordedRun],
-        lineage: Option<&str>,
-        played: &[Case],
-    ) -> Result<Figure, FigureError> {
-        match (self, recorded_runs) {
-            (Which::PatchSurface, _) => figures::patch_surface(recorded_runs),
-            (Which::WorldSidecar, _) => figures::world_order(recorded_runs),
-            (Which::ParetoFront, _) => {
-                figures::pareto_front(recorded_runs, lineage.map(LineageId::new).as_ref()).map(|(figure, _)| figure)
-            }
-            (Which::Front, _) => figures::front(recorded_runs, lineage.map(LineageId::new).as_ref()),
-            (Which::Method, _) => figures::method(),
-            (Which::CarlaPareto, _) => figures::area_rounds(recorded_runs),
-            (Which::Cases, _) => figures::cases(played, recorded_runs),
-            (Which::Architecture, _) => figures::architecture(),
-            (Which::CaseEvolution, []) => Err(FigureError::NoPatches),
-            (Which::CaseEvolution, [first, ..]) => {
-                let named = lineage.map(LineageId::new);
-                let own = |run: &&RecordedRun| run.parents.iter().any(|parent| Some(&parent.lineage) == named.as_ref());
-                let run = recorded_runs.iter().find(own).unwrap_or(first);
-                let lineage = named.or_else(|| figures::with_a_chain(run));
-                figures::case_evolution(run, &lineage.ok_or(FigureError::NoPatches)?)
-            }
+        let lineages: Vec<LineageId> = lineages.iter().map(LineageId::new).collect();
+        match self {
+            Which::Cases => figures::cases(&cases(runs, jobs)?, &recorded_runs).map_err(Failure::bad_input),
+            Which::CaseEvolution => evolution(runs, &lineages, jobs),
+            _ => self.drawn(&recorded_runs, &lineages).map_err(Failure::bad_input),
         }
     }
+
+    fn drawn(self, recorded_runs: &[RecordedRun], lineages: &[LineageId]) -> Result<Figure, FigureError> {
+        match self {
+            Which::PatchSurface => figures::patch_surface(recorded_runs),
+            Which::WorldSidecar => figures::world_order(recorded_runs),
+            Which::ParetoFront => figures::pareto_front(recorded_runs, lineages).map(|(figure, _)| figure),
+            Which::Front => figures::front(recorded_runs, lineages),
+            Which::Method => figures::method(),
+            Which::CarlaPareto => figures::area_rounds(recorded_runs),
+            Which::Architecture => figures::architecture(),
+            // These play rollouts.
+            Which::Cases | Which::CaseEvolution => Err(FigureError::NoPatches),
+        }
+    }
+}
+
+/// The steps of the named lineages, each of the first run that has it; without a name of a run's first lineage that has patches to tell.
+fn evolution(runs: &[FolderAndRun], named: &[LineageId], jobs: usize) -> Result<Figure, Failure> {
+    let Some((_, first)) = runs.first() else { return Err(Failure::bad_input(FigureError::NoPatches)) };
+    let lineages = match named {
+        [] => vec![figures::with_a_chain(first).ok_or_else(|| Failure::bad_input(FigureError::NoPatches))?],
+        named => named.to_vec(),
+    };
+    let threads = files::threads(jobs)?;
+    let mut shown = Vec::new();
+    for lineage in lineages {
+        let own = |run: &RecordedRun| run.parents.iter().any(|parent| parent.lineage == lineage);
+        let place = runs.iter().position(|(_, run)| own(run)).unwrap_or(0);
+        let (folder, run) = &runs[place];
+        shown.push((place, credit::of_lineage(folder, run, &lineage, &threads)?, lineage));
+    }
+    let evolved: Vec<Evolved<'_>> = shown
+        .iter()
+        .map(|(place, credit, lineage)| Evolved {
+            run: &runs[*place].1,
+            lineage: lineage.clone(),
+            credit: credit.as_ref(),
+        })
+        .collect();
+    figures::case_evolution(&evolved).map_err(Failure::bad_input)
 }
 
 /// The scenes that lineages won, played by both programs.
@@ -128,7 +145,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         Ok((folder, run))
     };
     let runs = folders.into_iter().map(with_folder).collect::<Result<Vec<_>, _>>()?;
-    let figure = options.figure.of(&runs, options.lineage.as_deref(), jobs)?;
+    let figure = options.figure.of(&runs, &options.lineage, jobs)?;
     let bytes = match ending {
         Ending::Svg => figure.svg().into_bytes(),
         Ending::Pdf => pdf(&figure).map_err(Failure::bad_input)?,
@@ -158,8 +175,8 @@ fn points(options: &Options, runs: &[FolderAndRun]) -> Result<Option<String>, Fa
         )));
     }
     let recorded: Vec<RecordedRun> = runs.iter().map(|(_, run)| run.clone()).collect();
-    let (_, points) = figures::pareto_front(&recorded, options.lineage.as_deref().map(LineageId::new).as_ref())
-        .map_err(Failure::bad_input)?;
+    let lineages: Vec<LineageId> = options.lineage.iter().map(LineageId::new).collect();
+    let (_, points) = figures::pareto_front(&recorded, &lineages).map_err(Failure::bad_input)?;
     Ok(Some(points))
 }
 

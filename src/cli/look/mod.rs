@@ -10,6 +10,7 @@ pub mod figure;
 pub mod impact;
 pub mod kept_credit;
 pub mod lineage;
+pub mod others;
 pub mod page;
 pub mod playables;
 mod program_words;

@@ -6,10 +6,19 @@ use crate::cli::look::{kept_credit, playables, program_words};
 use crate::cli::records::folder::RunFolder;
 use crate::cli::terminal::exit::Failure;
 use crate::epoch::{Player, Study};
-use crate::evidence::report::{self, Beside};
+use crate::evidence::report::{self, Beside, Other};
 use crate::evidence::{RecordedRun, agreement};
 use crate::kernel::Threads;
 use crate::store;
+
+/// What a page has beside its run where it was asked for.
+#[derive(Clone, Copy, Default)]
+pub struct Asked<'a> {
+    /// How far another simulator's run agrees.
+    pub agreement: Option<&'a agreement::Report>,
+    /// Runs that it is compared with.
+    pub others: &'a [Other],
+}
 
 /// Writes report.html of a finished run.
 pub fn write(
@@ -17,7 +26,7 @@ pub fn write(
     folder: &RunFolder,
     run: &RecordedRun,
     backend: Backend<'_>,
-    agreement: Option<&agreement::Report>,
+    asked: Asked<'_>,
     threads: &Threads,
 ) -> Result<(), Failure> {
     let playables = playables::choose(&Player::of(study, &run.counsels, backend), run, threads);
@@ -25,6 +34,7 @@ pub fn write(
     let credits = kept_credit::kept(folder, run)?;
     let words = program_words::of(study, run);
     let (selector, cost) = (&study.selector, cost.as_ref());
-    let beside = Beside { selector, cost, credits: &credits, agreement, words: &words, live: None };
+    let Asked { agreement, others } = asked;
+    let beside = Beside { selector, cost, credits: &credits, agreement, others, words: &words, live: None };
     Ok(store::write_atomic(&folder.report(), report::html(run, &playables, &beside).as_bytes())?)
 }

@@ -7,7 +7,7 @@ use crate::epoch::{LineageSpec, Player, Study, Traced, record_digest};
 use crate::evidence::RecordedRun;
 use crate::evidence::report::{self, Playable, Stage, Unplayed};
 use crate::kernel::Threads;
-use crate::objects::{Program, SceneScore, SolutionId, event::LineageResult};
+use crate::objects::{Program, SceneScore, SolutionId};
 use crate::scene::{DT_S, Scene};
 use crate::sim::{self, ActorRef, ActorTrace, End, Outcome, Trace};
 
@@ -72,13 +72,9 @@ pub fn choose(player: &Player<'_>, run: &RecordedRun, threads: &Threads) -> Stag
     stage
 }
 
-fn result<'r>(run: &'r RecordedRun, spec: &LineageSpec) -> Option<&'r LineageResult> {
-    run.result.as_ref()?.lineages.iter().find(|of| of.lineage == spec.id)
-}
-
 /// The chosen one first, then the parent, then whoever else was measured on the held-out scenes.
 fn programs(run: &RecordedRun, spec: &LineageSpec) -> Vec<(SolutionId, String)> {
-    let Some(result) = result(run, spec) else { return Vec::new() };
+    let Some(result) = run.result_of(&spec.id) else { return Vec::new() };
     let mut chosen = vec![(result.evolved.solution.clone(), "chosen".to_string())];
     let measured = run.held_out.iter().filter(|of| of.lineage == spec.id).map(|of| &of.solution);
     for solution in std::iter::once(&result.parent.solution).chain(measured) {
@@ -93,9 +89,9 @@ fn programs(run: &RecordedRun, spec: &LineageSpec) -> Vec<(SolutionId, String)> 
 /// Held-out scenes, at first those in which only the chosen program attacks, the most realistic first; then those in which both or only
 /// the parent do, then the others.
 fn scenes(study: &Study, run: &RecordedRun, spec: &LineageSpec, most: usize) -> Vec<usize> {
-    let Some(result) = result(run, spec) else { return Vec::new() };
-    let of = |solution: &SolutionId| label_in(run, spec, solution);
-    let (before, after) = (of(&result.parent.solution), of(&result.evolved.solution));
+    let Some(result) = run.result_of(&spec.id) else { return Vec::new() };
+    let before = run.held_out_labels(&result.parent.solution);
+    let after = run.held_out_labels(&result.evolved.solution);
     let rank = |place: &usize| {
         let id = study.scenes[*place].scene().id.as_str();
         let label =
@@ -110,12 +106,6 @@ fn scenes(study: &Study, run: &RecordedRun, spec: &LineageSpec, most: usize) -> 
     places
 }
 
-/// The held-out labels of a program by scene.
-fn label_in<'r>(run: &'r RecordedRun, spec: &LineageSpec, solution: &SolutionId) -> BTreeMap<&'r str, &'r SceneScore> {
-    let own = run.held_out.iter().filter(|of| of.lineage == spec.id && of.solution == *solution);
-    own.flat_map(|of| &of.score.scenes).map(|label| (label.scene.as_str(), label)).collect()
-}
-
 fn play(
     player: &Player<'_>,
     run: &RecordedRun,
@@ -125,7 +115,7 @@ fn play(
 ) -> Result<Playable, String> {
     let scene = player.study.scenes[place].scene();
     let Traced { record, decision, motion, .. } = player.trace(spec, program, place)?;
-    let labels = label_in(run, spec, &program.solution_id);
+    let labels = run.held_out_labels(&program.solution_id);
     let recorded = labels.get(scene.id.as_str()).map(|label| label.record);
     let digest = record_digest(&record).map_err(|error| error.to_string())?;
     let outcome = &record.outcome;
@@ -292,4 +282,30 @@ pub fn contact(scene: &Scene, motion: &Trace, outcome: &Outcome) -> Option<Conta
     // The picture has the adversary's name beside it.
     let label = format!("{name}, {:.1} m/s", contact.relative_speed_mps);
     Some(Contact { step: motion.from_step + last, point, label })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::Backend;
+    use crate::cli::evolve::first_epoch::carried_out;
+
+    #[test]
+    fn a_rollout_that_is_not_the_recorded_one_is_not_called_so() {
+        carried_out(None, |study, recorded, desk| {
+            let player = Player::of(study, &recorded.counsels, Backend::Own);
+            let says = |run: &RecordedRun| -> Vec<Option<bool>> {
+                choose(&player, run, desk.tools.threads).rollouts.iter().map(|playable| playable.as_recorded).collect()
+            };
+            let as_it_was = says(recorded);
+            assert!(as_it_was.contains(&Some(true)) && !as_it_was.contains(&Some(false)), "{as_it_was:?}");
+            let mut forged = recorded.clone();
+            let labels = forged.held_out.iter_mut().flat_map(|of| &mut of.score.scenes);
+            labels.for_each(|label| label.record = crate::kernel::Digest::of_bytes(b"another rollout"));
+            let forged = says(&forged);
+            assert!(forged.contains(&Some(false)) && !forged.contains(&Some(true)), "{forged:?}");
+            let without = |all: &[Option<bool>]| all.iter().filter(|one| one.is_none()).count();
+            assert_eq!(without(&as_it_was), without(&forged), "a scene without a program has no record");
+        });
+    }
 }

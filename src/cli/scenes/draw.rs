@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use crate::cli::cluster::worker_process::Processes;
 use crate::cli::look::rollout::OfAttempt;
-use crate::cli::scenes::show;
+use crate::cli::scenes::{grid, show};
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{
@@ -50,10 +50,14 @@ pub struct Options {
     pub out: PathBuf,
     #[command(flatten)]
     pub output: Output,
-    /// Below the strip of --attempt (.svg), the same moments of this one: parent, replay (no program), or an attempt of
+    /// Below the strip of --attempt, the same moments of this one: parent, replay (no program), or an attempt of
     /// the run.
     #[arg(long, value_name = "PROGRAM", requires = "attempt")]
     pub beside: Option<String>,
+    /// So many scenes on one sheet (.svg, .pdf), a panel each, ending at the contact, with outlines of where ego and adversaries were before:
+    /// the first of a pool, or the rollouts of --attempt, contacts first. With --scene one panel.
+    #[arg(long, value_name = "COUNT", conflicts_with_all = ["beside", "frames", "at", "episode"])]
+    pub grid: Option<usize>,
     /// Number of panels of a strip, evenly spaced from the scene's current step to the contact or the end; without it
     /// 4.
     #[arg(long)]
@@ -84,6 +88,19 @@ enum Kind {
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let kind = check(options)?;
+    if let Some(count) = options.grid {
+        let wanted = grid::Wanted {
+            path: options.path.as_ref(),
+            of: &options.of,
+            scene: options.scene.as_ref(),
+            count,
+            around_m: options.around,
+            panel_pt: options.panel,
+            out: &options.out,
+            output: &options.output,
+        };
+        return grid::drawn(&wanted, jobs);
+    }
     let (drawing, title) =
         show::drawn(options.path.as_ref(), options.scene.as_ref(), (&options.of, options.episode.as_deref()), jobs)?;
     match kind {
@@ -127,7 +144,11 @@ fn drawn_strip(
         title: if other.is_some() { String::new() } else { title.clone() },
     };
     let bytes = match (kind, other) {
-        (Kind::Page, _) => pdf(&strip_figure(drawing, &strip_of)).map_err(Failure::bad_input)?,
+        (Kind::Page, None) => pdf(&strip_figure(&[(String::new(), drawing)], &strip_of)).map_err(Failure::bad_input)?,
+        (Kind::Page, Some((line, other))) => {
+            let rows = [(title.clone(), drawing), (line.clone(), other)];
+            pdf(&strip_figure(&rows, &strip_of)).map_err(Failure::bad_input)?
+        }
         (_, None) => strip(drawing, &strip_of).into_bytes(),
         (_, Some((line, other))) => strips(&[(title.clone(), drawing), (line.clone(), other)], &strip_of).into_bytes(),
     };
@@ -247,10 +268,18 @@ fn check(options: &Options) -> Result<Kind, Failure> {
             ));
         }
     };
-    if options.beside.is_some() && kind != Kind::Strip {
-        return refuse("--beside: two strips below each other are drawn as .svg".into());
-    }
     let is_strip = matches!(kind, Kind::Strip | Kind::Page);
+    if options.beside.is_some() && !is_strip {
+        return refuse("--beside: two strips below each other are drawn as .svg or .pdf".into());
+    }
+    match options.grid {
+        Some(_) if !is_strip => return refuse("--grid: many scenes on one sheet are drawn as .svg or .pdf".into()),
+        Some(_) if options.dark => return refuse("--grid: a sheet of many scenes has light colours alone".into()),
+        Some(count) if !(1..=grid::PANELS_MAX).contains(&count) => {
+            return refuse(format!("--grid {count}: expected 1 to {} panels", grid::PANELS_MAX));
+        }
+        _ => {}
+    }
     if !is_strip && (options.frames.is_some() || !options.at.is_empty()) {
         return refuse("--frames and --at choose the panels of a strip (.svg, .pdf); a film shows every step".into());
     }
@@ -261,7 +290,7 @@ fn check(options: &Options) -> Result<Kind, Failure> {
         return refuse(format!("--around {}: expected 0 to 1000 metres", options.around));
     }
     match options.panel {
-        Some(panel) if kind == Kind::Page => match (40.0..=1000.0).contains(&panel) {
+        Some(panel) if kind == Kind::Page || options.grid.is_some() => match (40.0..=1000.0).contains(&panel) {
             true => Ok(kind),
             false => refuse(format!("--panel {panel}: expected 40 to 1000 points")),
         },

@@ -7,6 +7,7 @@ pub mod draw;
 pub mod export;
 pub mod files;
 pub mod formula;
+pub mod grid;
 pub mod left_out;
 pub mod pools;
 pub mod readable;

@@ -15,7 +15,7 @@ use crate::cli::terminal::exit::{Exit, Failure};
 use crate::cli::terminal::output::Output;
 use crate::evidence::RecordedRun;
 use crate::evidence::claims::{csv as claims_csv, latex as claims_latex, markdown as claims_markdown};
-use crate::evidence::paper::{Piece, Plan, Root, numbers, plan, roots, typed_numbers, unknown_numbers};
+use crate::evidence::paper::{Piece, Plan, Root, numbers, numbers_with, plan, roots, typed_numbers, unknown_numbers};
 use crate::kernel::Digest;
 use crate::store;
 use crate::text::counted;
@@ -26,17 +26,18 @@ const BYTES_MAX: u64 = 1 << 26;
 const WHOLE: [&str; 6] = ["claims.md", "claims.csv", "claims.tex", "numbers.tex", "roots.tex", "provenance.toml"];
 
 #[derive(Debug, Args)]
-#[group(id = "what", required = true, multiple = false)]
+#[group(id = "what", required = true, multiple = true)]
 pub struct Wanted {
     /// Rebuild everything, compare it with the goldens, look for numbers typed by hand in the text and, where LaTeX is
     /// installed, at its pages: none sideways, overfull or half empty, no missing font, no tiny letters in a figure.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["bless", "figure"])]
     pub check: bool,
-    /// Rebuild everything and write it as the new goldens; say in the commit what moved and why.
+    /// Rebuild everything and write it as the new goldens; say in the commit what moved and why. With --figure that piece alone, of runs
+    /// that are those of the goldens.
     #[arg(long)]
     pub bless: bool,
-    /// Build one table or figure, named by its label or file, and write it to --out.
-    #[arg(long, value_name = "LABEL", requires = "out")]
+    /// Build one table or figure, named by its label or file, and write it to --out, or with --bless to the goldens.
+    #[arg(long, value_name = "LABEL")]
     pub figure: Option<String>,
 }
 
@@ -72,8 +73,11 @@ type Made = BTreeMap<String, Vec<u8>>;
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let plan = read_plan(&options.paper)?;
-    if let (Some(label), Some(out)) = (&options.wanted.figure, &options.out) {
-        return one(&plan, label, out, options, jobs);
+    match (&options.wanted.figure, &options.out) {
+        (Some(label), None) if options.wanted.bless => return blessed(&plan, label, options, jobs),
+        (Some(label), Some(out)) if !options.wanted.bless => return one(&plan, label, out, options, jobs),
+        (Some(_), _) => return Err(Failure::bad_input("--figure: expected --out FOLDER or --bless, one of the two")),
+        (None, _) => {}
     }
     let wanted = plan.wanted(options.short);
     let ran = carry_out(&plan, &wanted, !options.short, &how(options, jobs))?;
@@ -189,20 +193,78 @@ fn provenance(wanted: &[&Piece], ran: &Ran, made: &Made) -> Result<String, Failu
     let whole: BTreeMap<&str, String> = WHOLE.into_iter().filter_map(|name| Some((name, digest(name)?))).collect();
     let pieces: Vec<Value> = wanted.iter().map(piece).collect();
     let all = json!({"run": runs, "whole": whole, "piece": pieces});
-    let text = toml::to_string(&all).map_err(Failure::internal)?;
+    provenance_text(&all)
+}
+
+/// A piece by its label or file; of several with the label the last, which is not the short form's.
+fn named<'p>(plan: &'p Plan, label: &str) -> Result<&'p Piece, Failure> {
+    let fits = |piece: &&Piece| piece.file == label || piece.label == label;
+    plan.pieces.iter().rev().find(fits).ok_or_else(|| {
+        let known: Vec<&str> = plan.pieces.iter().map(|piece| piece.file.as_str()).collect();
+        let expected = "expected a label of the plan or one of its files";
+        Failure::bad_input(format!("--figure {label}: {expected}: {}", known.join(", ")))
+    })
+}
+
+/// Writes one piece as a golden: its files, its numbers, and their digests. The others stay, so its runs must be those that they were
+/// made from.
+fn blessed(plan: &Plan, label: &str, options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let piece = named(plan, label)?;
+    let folder = options.golden.join("paper");
+    let place = folder.join("provenance.toml");
+    let whole = "make all goldens anew: `evodrive paper --bless`";
+    let damaged = |what: String| Failure::bad_input(format!("{}: {what}; {whole}", place.display()));
+    let text = text_of(&place)?;
+    let mut known: toml::Table = text.parse().map_err(|error: toml::de::Error| damaged(error.to_string()))?;
+    let ran = carry_out(plan, &[piece], false, &how(options, jobs))?;
+    for (name, recorded) in &ran.recorded_runs {
+        let root = known.get("run").and_then(|runs| runs.get(name)?.get("root")?.as_str().map(String::from));
+        if root.as_deref() != Some(recorded.root.to_hex().as_str()) {
+            return Err(damaged(format!("run {name}: expected the root {}, found another", root.unwrap_or_default())));
+        }
+    }
+    let sheet = sheet(piece, &ran, jobs)?;
+    let mut made: Made = files(piece, &sheet)?.into_iter().collect();
+    if let Sheet::Table(table) = &sheet {
+        let numbers = numbers_with(&text_of(&folder.join("numbers.tex"))?, &piece.file, table);
+        made.insert("numbers.tex".into(), numbers.into_bytes());
+    }
+    let digest = |bytes: &Vec<u8>| toml::Value::String(Digest::of_bytes(bytes).to_hex());
+    let pieces = known.get_mut("piece").and_then(toml::Value::as_array_mut);
+    let entry = pieces.and_then(|all| all.iter_mut().find(|of| of["file"].as_str() == Some(&piece.file)));
+    let Some(digests) = entry.and_then(|entry| entry.get_mut("digests")).and_then(toml::Value::as_table_mut) else {
+        return Err(damaged(format!("has no piece {}", piece.file)));
+    };
+    for (name, bytes) in &made {
+        if let Some(ending) = name.strip_prefix(&format!("{}.", piece.file)) {
+            digests.insert(ending.to_string(), digest(bytes));
+        }
+    }
+    if let (Some(bytes), Some(of)) =
+        (made.get("numbers.tex"), known.get_mut("whole").and_then(toml::Value::as_table_mut))
+    {
+        of.insert("numbers.tex".into(), digest(bytes));
+    }
+    made.insert("provenance.toml".into(), provenance_text(&known)?.into_bytes());
+    for (name, bytes) in &made {
+        store::write_atomic(&folder.join(name), bytes)?;
+    }
+    let names: Vec<&String> = made.keys().collect();
+    let text = format!("{}: {} written to {}", piece.label, counted(made.len(), "file"), folder.display());
+    Ok(Answer::new(text, json!({"label": piece.label, "written": names})))
+}
+
+/// The file of what every golden was made from.
+fn provenance_text(of: &impl serde::Serialize) -> Result<String, Failure> {
+    let text = toml::to_string(of).map_err(Failure::internal)?;
     Ok(format!(
         "# Made by `evodrive paper --bless`: what every file of this folder was made from, and its digest.\n\n{text}"
     ))
 }
 
-/// One piece by its label or file; of several with the label the last, which is not the short form's.
+/// One piece by its label or file.
 fn one(plan: &Plan, label: &str, out: &Path, options: &Options, jobs: usize) -> Result<Answer, Failure> {
-    let fits = |piece: &&Piece| piece.file == label || piece.label == label;
-    let Some(piece) = plan.pieces.iter().rev().find(fits) else {
-        let known: Vec<&str> = plan.pieces.iter().map(|piece| piece.file.as_str()).collect();
-        let expected = "expected a label of the plan or one of its files";
-        return Err(Failure::bad_input(format!("--figure {label}: {expected}: {}", known.join(", "))));
-    };
+    let piece = named(plan, label)?;
     let ran = carry_out(plan, &[piece], false, &how(options, jobs))?;
     store::create_dir(out)?;
     let mut written = Vec::new();

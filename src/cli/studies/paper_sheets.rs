@@ -60,7 +60,7 @@ pub fn sheet(piece: &Piece, ran: &Ran, jobs: usize) -> Result<Sheet, Failure> {
                     piece.file
                 ))
             })?;
-            Sheet::Figure(which.of(&ran.shown(piece), piece.lineage.as_deref(), jobs)?)
+            Sheet::Figure(which.of(&ran.shown(piece), &piece.lineages, jobs)?)
         }
     })
 }

@@ -81,6 +81,7 @@ const EvoPlayer = (() => {
 
     // What is fixed is cut once.
     const road = {
+      verges: drawing.verges.map((p) => pathOf(p, true)),
       surfaces: drawing.surfaces.map((p) => pathOf(p, true)),
       crosswalks: drawing.crosswalks.map(stripes),
       lines: drawing.lines.map((l) => ({ style: l.style, path: pathOf(l.points, false) })),
@@ -129,7 +130,7 @@ const EvoPlayer = (() => {
     const context = canvas.getContext("2d");
     let ratio = 1, width = 0, height = 0, colours = {}, frame = 0;
 
-    const COLOURS = ["ground", "surface", "edge", "divider", "opposite", "crosswalk", "text", "outline", "contact", ...Object.keys(ROLES)];
+    const COLOURS = ["ground", "verge", "surface", "edge", "divider", "opposite", "crosswalk", "text", "outline", "contact", ...Object.keys(ROLES)];
     function readColours() {
       const style = getComputedStyle(root);
       for (const name of COLOURS) colours[name] = style.getPropertyValue("--" + name).trim();
@@ -144,7 +145,7 @@ const EvoPlayer = (() => {
       for (const actor of drawing.actors) {
         if (everything || LEADING.has(actor.role)) for (const s of actor.samples) if (s) points.push(s);
       }
-      if (everything) for (const surface of drawing.surfaces) points.push(...surface);
+      if (everything) for (const surface of [...drawing.verges, ...drawing.surfaces]) points.push(...surface);
       const framed = !everything && options.frame && options.frame.length > 0;
       const [x0, y0, x1, y1] = bounds(framed ? options.frame : points);
       const margin = everything ? 5 : framed ? 7 : 28;
@@ -187,8 +188,11 @@ const EvoPlayer = (() => {
 
     function drawRoad(c, px) {
       c.lineJoin = "round";
-      c.fillStyle = c.strokeStyle = colours.surface; c.lineWidth = Math.max(0.3, px);
-      for (const path of road.surfaces) { c.fill(path); c.stroke(path); }
+      c.lineWidth = Math.max(0.3, px);
+      for (const [paths, colour] of [[road.verges, colours.verge], [road.surfaces, colours.surface]]) {
+        c.fillStyle = c.strokeStyle = colour;
+        for (const path of paths) { c.fill(path); c.stroke(path); }
+      }
       c.fillStyle = colours.crosswalk; c.globalAlpha = 0.85;
       for (const path of road.crosswalks) c.fill(path);
       c.globalAlpha = 1;

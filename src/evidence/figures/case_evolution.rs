@@ -1,13 +1,26 @@
-//! fig:case-evolution-main and its companions: the proposals of one lineage step by step, and the chain that leads to the generator
-//! that is reported, with its patches.
+//! fig:case-evolution-main and its companions: the proposals of lineages step by step, the chain that leads to the generator that is
+//! reported, what each of its patches does in words, and what the chain came to on the held-out scenes.
 
 use super::error::FigureError;
 use super::legend::{self, LETTERS, source};
 use crate::draw::{
-    Anchor, Axes, BLACK, BLUE, Figure, GREEN, GREY, Ink, LIGHT, Mark, ORANGE, Scale, VERMILION, WHITE, wrapped,
+    Anchor, Axes, BLACK, BLUE, Figure, GREEN, GREY, Ink, LIGHT, Mark, ORANGE, PURPLE, Scale, VERMILION, WHITE, Words,
+    in_font, wrapped,
 };
+use crate::evidence::credit::{Credit, Gain};
 use crate::evidence::recorded_run::RecordedRun;
-use crate::objects::{Attempt, Exit, LineageId, Objectives, Operation, Program, SolutionId, edit_categories};
+use crate::evidence::report::patch_in_words;
+use crate::evidence::tables::called;
+use crate::objects::{Attempt, Exit, LineageId, Objectives, Program, SolutionId};
+
+/// A lineage to show, and what is known of its reported program patch by patch.
+#[derive(Clone, Debug)]
+pub struct Evolved<'r> {
+    pub run: &'r RecordedRun,
+    pub lineage: LineageId,
+    /// Of the reported program; without it, its chain is not drawn on held-out scenes.
+    pub credit: Option<&'r Credit>,
+}
 
 /// What became of a proposal, in the order of the rows below the curve.
 const ROWS: [(&str, Mark, Ink); 5] = [
@@ -29,45 +42,99 @@ fn row(attempt: &Attempt) -> usize {
     }
 }
 
-/// Width and left edge of the plot, points.
+/// Width of the sheet, points: both columns of a page.
+const WIDE: f64 = 494.0;
+/// Left edge of the plot of proposals, its width beside that of the chain and alone, and its height.
 const LEFT: f64 = 62.0;
-const WIDE: f64 = 395.0;
-/// Most programs of a chain that are told, and most lines of each.
+const BESIDE: f64 = 232.0;
+const ALONE: f64 = WIDE - LEFT - 8.0;
+const HIGH: f64 = 96.0;
+/// Left edge and width of the plot of the chain.
+const CHAIN_LEFT: f64 = 346.0;
+const CHAIN_WIDE: f64 = WIDE - CHAIN_LEFT - 10.0;
+/// From the head of a lineage to its plots, and of the rows below them.
+const HEAD: f64 = 18.0;
+const ROW: f64 = 12.0;
+/// Most programs of a chain that are told, and most lines of what each does and of what its proposer expected.
 const TOLD_MAX: usize = 8;
-const LINES_MAX: usize = 4;
+const LINES_MAX: usize = 2;
+/// Most lineages of a sheet.
+const LINEAGES_MAX: usize = 6;
 
-/// One lineage's proposals over its local steps.
-pub fn case_evolution(run: &RecordedRun, lineage: &LineageId) -> Result<Figure, FigureError> {
-    let known: Vec<&LineageId> = run.parents.iter().map(|parent| &parent.lineage).collect();
-    if !known.contains(&lineage) {
-        let known = known.into_iter().map(|id| id.to_string()).collect();
-        return Err(FigureError::NoLineage { wanted: lineage.clone(), known });
+/// The proposals of each lineage over its local steps, one lineage below the other.
+///
+/// # Errors
+/// No lineage, more than a sheet holds, or one that its run does not have.
+pub fn case_evolution(all: &[Evolved<'_>]) -> Result<Figure, FigureError> {
+    let Some(first) = all.first() else { return Err(FigureError::NoPatches) };
+    if all.len() > LINEAGES_MAX {
+        let known = all.iter().map(|of| of.lineage.to_string()).collect();
+        return Err(FigureError::TooManyLineages { most: LINEAGES_MAX, known });
     }
-    let mut attempts: Vec<&Attempt> = run.attempts.iter().filter(|attempt| attempt.lineage == *lineage).collect();
-    attempts.sort_by_key(|attempt| (attempt.epoch, attempt.slot));
-    let chain = chain(run, lineage);
-    let mut sheet = Figure::new(470.0, 250.0, format!("Evolution of {lineage}"));
-    let ego = run.parents.iter().find(|parent| parent.lineage == *lineage).map_or("", |parent| parent.ego.as_str());
-    sheet.heading((10.0, 14.0), 9.0, format!("{lineage}, against {ego}: proposals step by step"));
-    steps(&mut sheet, run, lineage, &attempts, &chain);
-    caption(&mut sheet, run, &chain);
-    let safebench = !run.rounds.is_empty();
+    for Evolved { run, lineage, .. } in all {
+        let known: Vec<&LineageId> = run.parents.iter().map(|parent| &parent.lineage).collect();
+        if !known.contains(&lineage) {
+            let known = known.into_iter().map(|id| id.to_string()).collect();
+            return Err(FigureError::NoLineage { wanted: lineage.clone(), known });
+        }
+    }
+    let names: Vec<String> = all.iter().map(|of| called(of.run, &of.lineage)).collect();
+    let mut sheet = Figure::new(WIDE, 2.0, format!("Evolution of {}", names.join("; ")));
+    for (of, name) in all.iter().zip(&names) {
+        block(&mut sheet, of, name);
+        sheet.height += 6.0;
+    }
+    let safebench = !first.run.rounds.is_empty();
     let score = if safebench { "100 CR (1-OS) ARS Valid" } else { "100 A R" };
+    let shown = all.iter().any(|of| of.credit.is_some());
+    let chain = match shown {
+        true => {
+            "Right: each program of the chain minus the parent on the same held-out scenes, with 95 % intervals over scenes. "
+        }
+        false => "",
+    };
+    let mut runs: Vec<&RecordedRun> = all.iter().map(|of| of.run).collect();
+    runs.dedup_by_key(|run| run.root);
     let note = format!(
-        "Score: {score} as labelled on the window of each epoch; windows differ, so a step up may be an easier window. Curve: best of \
-         what was accepted so far, from the parent on. Screened: no usable patch, or a gate refused it. Not routed: the world evaluator \
-         gave it no rollout. {}",
-        source(&[run])
+        "Score: {score} on the window of each epoch; windows differ, so a step up may be an easier window. Line: best of what was accepted so \
+         far, from the parent on. Screened: no usable patch, or a gate refused it. Not routed: the world evaluator gave it no rollout. \
+         {chain}{}",
+        source(&runs)
     );
     legend::foot(&mut sheet, &note);
     Ok(sheet)
 }
 
+/// One lineage: its name, its plots and its patches.
+fn block(sheet: &mut Figure, of: &Evolved<'_>, name: &str) {
+    let Evolved { run, lineage, credit } = of;
+    let mut attempts: Vec<&Attempt> = run.attempts.iter().filter(|attempt| attempt.lineage == *lineage).collect();
+    attempts.sort_by_key(|attempt| (attempt.epoch, attempt.slot));
+    let chain = chain(run, lineage);
+    // What was worked out of another program says nothing of this chain.
+    let reported = chain.last().map(|program| &program.solution_id);
+    let credit = credit.filter(|credit| Some(&credit.program) == reported && chain.len() > 1);
+    let top = sheet.height;
+    sheet.heading((8.0, top + 10.0), 8.5, name);
+    let wide = if credit.is_some() { BESIDE } else { ALONE };
+    steps(sheet, of, (&attempts, &chain), [LEFT, top + HEAD, wide, HIGH]);
+    if let Some(credit) = credit {
+        on_held_out(sheet, credit, top + HEAD);
+    }
+    sheet.height = top + HEAD + HIGH + 22.0 + ROW * ROWS.len() as f64 + 14.0;
+    patches(sheet, run, &chain);
+}
+
 /// The programs that lead to the reported generator, the parent first.
 fn chain<'s>(run: &'s RecordedRun, lineage: &LineageId) -> Vec<&'s Program> {
-    let results = run.result.iter().flat_map(|result| &result.lineages);
-    let reported = results.into_iter().find(|result| result.lineage == *lineage).map(|result| &result.evolved.solution);
+    let reported = run.result_of(lineage).map(|result| &result.evolved.solution);
     reported.or_else(|| run.active(lineage)).map(|solution| run.chain(solution)).unwrap_or_default()
+}
+
+/// What was worked out of the program that a lineage reports.
+pub fn credit_of<'c>(run: &RecordedRun, lineage: &LineageId, credits: &'c [Credit]) -> Option<&'c Credit> {
+    let reported = &run.result_of(lineage)?.evolved.solution;
+    credits.iter().find(|credit| credit.program == *reported)
 }
 
 /// The first lineage of a run whose reported generator has patches to tell, or else the first.
@@ -92,61 +159,119 @@ fn product(objectives: &Objectives) -> f64 {
     100.0 * objectives.attack * objectives.realism
 }
 
-fn steps(sheet: &mut Figure, run: &RecordedRun, lineage: &LineageId, attempts: &[&Attempt], chain: &[&Program]) {
+fn steps(
+    sheet: &mut Figure,
+    Evolved { run, lineage, .. }: &Evolved<'_>,
+    (attempts, chain): (&[&Attempt], &[&Program]),
+    place: [f64; 4],
+) {
     let first = run.frozen.iter().find(|frozen| frozen.lineage == *lineage).map(|f| of_score(&f.parent_score));
     let scores = || attempts.iter().filter_map(|attempt| score(attempt)).chain(first);
     let last = attempts.len().max(1) as f64;
+    let [left, top, wide, high] = place;
+    let rows_top = top + high + 22.0;
     let axes = Axes {
-        place: [LEFT, 26.0, WIDE, 120.0],
+        place,
         across: Scale::fixed(0.0, last + 1.0, step_ticks(attempts.len())),
         up: Scale::over(scores().chain([0.0]), 4),
     };
-    axes.draw(sheet, "", "Score");
+    axes.draw(sheet, "", "Score on windows");
     for (at, pair) in attempts.windows(2).enumerate() {
         if pair[0].epoch != pair[1].epoch {
             let x = axes.x(at as f64 + 1.5);
-            sheet.line((x, 26.0), (x, 226.0), Ink::line(LIGHT, 0.5).dashed());
+            sheet.line((x, top), (x, rows_top + ROW * ROWS.len() as f64), Ink::line(LIGHT, 0.5).dashed());
         }
     }
     let (mut best, mut curve) = (first.unwrap_or(0.0), vec![axes.at(0.0, first.unwrap_or(0.0))]);
+    let mut numbers = Vec::new();
     for (at, attempt) in attempts.iter().enumerate() {
         let step = at as f64 + 1.0;
-        let place = row(attempt);
+        let of_row = row(attempt);
         let Some(value) = score(attempt) else { continue };
-        if place >= 3 && value > best {
+        if of_row >= 3 && value > best {
             curve.push(axes.at(step, best));
             best = value;
             curve.push(axes.at(step, best));
         }
-        let (_, mark, ink) = ROWS[place];
-        sheet.mark(mark, axes.at(step, value), if place >= 3 { 2.6 } else { 1.5 }, ink);
+        let (_, mark, ink) = ROWS[of_row];
+        sheet.mark(mark, axes.at(step, value), if of_row >= 3 { 2.6 } else { 1.5 }, ink);
         let own = attempt.exit.candidate().map(|candidate| &candidate.program.solution_id);
         if let Some(nth) = chain.iter().position(|program| Some(&program.solution_id) == own) {
             sheet.mark(Mark::Disc, axes.at(step, value), 5.0, Ink::line(VERMILION, 1.1));
             let (x, y) = axes.at(step, value);
-            sheet.text((x, y - 7.0), 7.0, Anchor::Middle, format!("p{nth}"));
+            // At the top of the plot, and beside another number, it stands below its sign.
+            let above = (x, y - 7.0);
+            let taken = numbers.iter().any(|(a, b): &(f64, f64)| (a - x).abs() < 12.0 && (b - above.1).abs() < 9.0);
+            let at = if above.1 - LETTERS < top || taken { (x, y + 13.0) } else { above };
+            numbers.push(at);
+            sheet.text(at, LETTERS, Anchor::Middle, format!("p{nth}"));
         }
     }
     curve.push(axes.at(last + 1.0, best));
     sheet.path(curve, Ink::line(BLACK, 1.2));
-    sheet.mark(Mark::Disc, axes.at(0.0, first.unwrap_or(0.0)), 2.6, Ink::fill(WHITE).edged(BLACK, 1.0));
-    rows(sheet, &axes, attempts);
+    sheet.mark(Mark::Disc, axes.at(0.0, first.unwrap_or(0.0)), 2.6, Ink::fill(WHITE).edged(BLACK, 1.2));
+    for (nth, (name, mark, ink)) in ROWS.into_iter().enumerate() {
+        let y = rows_top + ROW * (nth as f64 + 0.5);
+        let own: Vec<usize> = (0..attempts.len()).filter(|at| row(attempts[*at]) == nth).collect();
+        sheet.line((left, y), (left + wide, y), Ink::line(LIGHT, 0.5));
+        sheet.text((left - 5.0, y + 2.5), LETTERS, Anchor::End, format!("{name} {}", own.len()));
+        for at in own {
+            sheet.mark(mark, (axes.x(at as f64 + 1.0), y), 2.2, ink);
+        }
+    }
+    let below = (left + 0.5 * wide, rows_top + ROW * ROWS.len() as f64 + 7.0);
+    sheet.text(below, LETTERS, Anchor::Middle, "Proposal");
 }
 
-/// A row of marks a kind of end.
-fn rows(sheet: &mut Figure, axes: &Axes, attempts: &[&Attempt]) {
-    for (place, (name, mark, ink)) in ROWS.iter().enumerate() {
-        let y = 170.0 + 12.0 * place as f64;
-        let of = attempts.iter().enumerate().filter(|(_, attempt)| row(attempt) == place);
-        sheet.line((LEFT, y), (LEFT + WIDE, y), Ink::line(LIGHT, 0.4));
-        let mut count = 0;
-        for (at, _) in of {
-            sheet.mark(*mark, (axes.x(at as f64 + 1.0), y), 2.0, *ink);
-            count += 1;
-        }
-        sheet.text((LEFT - 4.0, y + 2.6), LETTERS - 0.5, Anchor::End, format!("{name} {count}"));
+/// What the programs of the chain have more than the parent, on the same held-out scenes.
+fn on_held_out(sheet: &mut Figure, credit: &Credit, top: f64) {
+    let steps: Vec<(f64, Option<&Gain>)> = credit
+        .edits
+        .iter()
+        .zip(1_u32..)
+        .map(|(edit, nth)| (f64::from(nth), edit.so_far.as_ref().and_then(|of| of.as_ref().ok())))
+        .collect();
+    let quantities: [(&str, Mark, _, _, fn(&Gain) -> Option<crate::evidence::tables::Estimate>); 2] = [
+        ("attack", Mark::Disc, VERMILION, -0.09, |gain| Some(gain.attack)),
+        ("realism", Mark::Square, PURPLE, 0.09, |gain| gain.realism),
+    ];
+    let ends = |of: &(f64, Option<&Gain>)| -> Vec<f64> {
+        let both = of.1.iter().flat_map(|gain| [Some(gain.attack), gain.realism]).flatten();
+        both.flat_map(|of| of.interval.unwrap_or([of.value; 2])).collect()
+    };
+    let last = steps.len() as f64;
+    let axes = Axes {
+        place: [CHAIN_LEFT, top, CHAIN_WIDE, HIGH],
+        across: Scale::fixed(-0.4, last + 0.4, Vec::new()),
+        up: Scale::over(steps.iter().flat_map(ends).chain([0.0]), 4),
+    };
+    axes.draw(sheet, "", "Change on held-out scenes");
+    let zero = axes.y(0.0);
+    sheet.line((CHAIN_LEFT, zero), (CHAIN_LEFT + CHAIN_WIDE, zero), Ink::line(GREY, 0.8));
+    for (nth, _) in [(0.0, None)].iter().chain(&steps) {
+        sheet.text((axes.x(*nth), top + HIGH + 11.0), LETTERS, Anchor::Middle, format!("p{nth:.0}"));
     }
-    sheet.text((LEFT + 0.5 * WIDE, 238.0), LETTERS + 0.5, Anchor::Middle, "Local step (proposal)");
+    for (_, mark, colour, aside, read) in quantities {
+        let mut way = vec![axes.at(aside, 0.0)];
+        for (nth, gain) in &steps {
+            let Some(of) = gain.and_then(read) else { continue };
+            let (x, y) = axes.at(nth + aside, of.value);
+            if let Some([low, high]) = of.interval {
+                sheet.line((x, axes.y(low)), (x, axes.y(high)), Ink::line(colour, 1.0));
+            }
+            sheet.mark(mark, (x, y), 2.4, Ink::fill(colour));
+            way.push((x, y));
+        }
+        sheet.path(way, Ink::line(colour, 0.7));
+    }
+    let entries = quantities.map(|(name, mark, colour, ..)| (mark, Ink::fill(colour), name));
+    legend::row(sheet, (CHAIN_LEFT, top + HIGH + 26.0), &entries);
+    let said = ["p0 is the parent, the last is reported.", "Bars: 95 % over scenes."];
+    for (line, y) in said.into_iter().zip([39.0, 49.0]) {
+        let (size, anchor, bold, upwards) = (7.0, Anchor::Start, false, false);
+        let at = (CHAIN_LEFT, top + HIGH + y);
+        sheet.words(Words { at, size, anchor, bold, colour: GREY, upwards, text: line.into() });
+    }
 }
 
 fn step_ticks(count: usize) -> Vec<f64> {
@@ -154,44 +279,42 @@ fn step_ticks(count: usize) -> Vec<f64> {
     scale.ticks.into_iter().filter(|tick| *tick <= count as f64 + 0.5).collect()
 }
 
-/// The chain in words: what each patch of it changes, and what it was labelled.
-fn caption(sheet: &mut Figure, run: &RecordedRun, chain: &[&Program]) {
-    let mut y = sheet.height + 8.0;
-    sheet.heading((10.0, y), 8.5, "The chain to the reported generator");
-    y += 12.0;
+/// The chain in words: what each patch of it does, what its proposer expected, and where that began.
+fn patches(sheet: &mut Figure, run: &RecordedRun, chain: &[&Program]) {
+    let mut y = sheet.height + 6.0;
     if chain.len() <= 1 {
         let text = "The parent itself is reported: no descendant was chosen, so there is no patch to tell.";
-        sheet.text((10.0, y), LETTERS, Anchor::Start, text);
-        sheet.height = y + 8.0;
+        sheet.text((8.0, y), LETTERS, Anchor::Start, text);
+        sheet.height = y + 4.0;
         return;
     }
     let left_out = chain.len().saturating_sub(1 + TOLD_MAX);
-    for (nth, program) in chain.iter().enumerate().skip(1 + left_out) {
-        let Some(attempt) = made(run, &program.solution_id) else { continue };
-        let Some(patch) = attempt.proposal.patch() else { continue };
-        let parts: Vec<&str> = edit_categories(patch).into_iter().map(|part| part.name()).collect();
-        let labels = attempt.exit.score().map_or(String::new(), |score| {
-            format!("; A {:.3}, R {:.4}", score.objectives.attack, score.objectives.realism)
-        });
-        sheet.heading((10.0, y), LETTERS, format!("p{nth}  {}  ({}{labels})", attempt.id, parts.join(", ")));
-        y += 9.5;
-        let operations: Vec<String> = patch.operations.iter().map(Operation::in_words).collect();
-        for line in wrapped(&operations.join("; "), LETTERS - 0.5, sheet.width - 30.0, LINES_MAX) {
-            sheet.text((20.0, y), LETTERS - 0.5, Anchor::Start, line);
+    for (nth, pair) in chain.windows(2).enumerate().skip(left_out) {
+        let [before, after] = pair else { continue };
+        let Some(patch) = made(run, &after.solution_id).and_then(|attempt| attempt.proposal.patch()) else { continue };
+        sheet.heading((8.0, y), LETTERS, format!("p{}", nth + 1));
+        let room = WIDE - 36.0;
+        for line in wrapped(&patch_in_words(before, after), LETTERS, room, LINES_MAX) {
+            sheet.text((28.0, y), LETTERS, Anchor::Start, line);
+            y += 9.5;
+        }
+        // A stand-in expects nothing: its words repeat the patch.
+        let scripted = run.opened.scripted_roles().contains(&"actor");
+        let expected = format!("Its proposer expected: {}", in_font(patch.hypothesis.trim()));
+        let lines = if scripted { Vec::new() } else { wrapped(&expected, 7.0, room, LINES_MAX) };
+        for line in lines {
+            let (size, anchor, bold, upwards) = (7.0, Anchor::Start, false, false);
+            sheet.words(Words { at: (28.0, y), size, anchor, bold, colour: GREY, upwards, text: line });
             y += 8.5;
         }
         y += 3.0;
     }
     if left_out > 0 {
-        sheet.text(
-            (10.0, y),
-            LETTERS,
-            Anchor::Start,
-            format!("{left_out} earlier programs of the chain are left out."),
-        );
+        let text = format!("{left_out} earlier patches of the chain are left out.");
+        sheet.text((8.0, y), LETTERS, Anchor::Start, text);
         y += 9.5;
     }
-    sheet.height = y;
+    sheet.height = y - 4.0;
 }
 
 fn made<'s>(run: &'s RecordedRun, solution: &SolutionId) -> Option<&'s Attempt> {

@@ -9,6 +9,7 @@ use crate::draw::{
     Actor, Anchor, BLACK, Drawing, Figure, GREEN, GREY, Ink, Mark, PURPLE, Panel, Role, Words, colour, panel, wrapped,
 };
 use crate::evidence::recorded_run::RecordedRun;
+use crate::evidence::tables::called;
 use crate::kernel::Vec2;
 use crate::objects::event::LineageResult;
 use crate::objects::{SceneScore, SolutionId};
@@ -16,8 +17,8 @@ use crate::objects::{SceneScore, SolutionId};
 /// A scene that a figure shows, and by which programs it is played.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WonScene {
-    /// The lineage's name.
-    pub lineage: String,
+    /// Its method against its ego.
+    pub method: String,
     pub scene: String,
     pub original: SolutionId,
     pub evolved: SolutionId,
@@ -58,7 +59,7 @@ fn won(run: &RecordedRun, lineage: &LineageResult) -> Option<WonScene> {
         }
     }
     Some(WonScene {
-        lineage: lineage.lineage.to_string(),
+        method: called(run, &lineage.lineage),
         scene: best?.scene.clone(),
         original: original.clone(),
         evolved: evolved.clone(),
@@ -82,7 +83,9 @@ pub fn cases(cases: &[Case], runs: &[RecordedRun]) -> Result<Figure, FigureError
     if cases.is_empty() {
         return Err(FigureError::NothingWon);
     }
-    let title = "Scenes by the original and the evolved generator";
+    // Which scenes these are stands in the title: who plays them again needs it, who reads the page does not.
+    let scenes: Vec<&str> = cases.iter().map(|case| case.won.scene.as_str()).collect();
+    let title = format!("Scenes by the original and the evolved generator: {}", scenes.join(", "));
     let mut sheet = Figure::new(2.0 * (PANEL[0] + LEFT) + GAP, 30.0 + ROW * cases.len() as f64, title);
     let sign = |role: Role, text: &'static str| (Mark::Square, Ink::fill(colour(role)), text);
     let signs = [
@@ -106,8 +109,7 @@ pub fn cases(cases: &[Case], runs: &[RecordedRun]) -> Result<Figure, FigureError
 fn row(sheet: &mut Figure, top: f64, case: &Case) {
     let end = |side: &Side| side.drawing.steps.saturating_sub(1);
     let moment = side_end(&case.evolved);
-    let name = format!("{}: {}", case.won.lineage, case.won.scene);
-    sheet.heading((LEFT, top + 8.0), LETTERS, name);
+    sheet.heading((LEFT, top + 8.0), LETTERS, case.won.method.as_str());
     for (place, (head, side)) in [("original", &case.original), ("evolved", &case.evolved)].into_iter().enumerate() {
         let x = LEFT + place as f64 * (PANEL[0] + GAP);
         let step = moment.min(end(side));
@@ -116,7 +118,7 @@ fn row(sheet: &mut Figure, top: f64, case: &Case) {
         panel(
             sheet,
             &side.drawing,
-            &Panel { place: [x, top + 12.0, PANEL[0], PANEL[1]], middle, width_m: WIDTH_M, step },
+            &Panel { place: [x, top + 12.0, PANEL[0], PANEL[1]], middle, width_m: WIDTH_M, step, ghosts: Vec::new() },
         );
         // The parent's labels say that it did not attack there, so this contact is one that the ego could not avoid or has anyway.
         let spared = place == 0 && side.drawing.contact.as_ref().is_some_and(|contact| contact.step <= step);
@@ -156,7 +158,7 @@ mod tests {
     #[test]
     fn both_sides_stand_at_the_evolved_ones_end_and_the_case_is_named() {
         let won = || WonScene {
-            lineage: "cat-idm".into(),
+            method: "CAT against IDM".into(),
             scene: "synthetic-7".into(),
             original: SolutionId::new("cat-idm/parent"),
             evolved: SolutionId::new("cat-idm/e1s1"),
@@ -168,7 +170,7 @@ mod tests {
             _ => None,
         };
         let words: Vec<String> = sheet.shapes.iter().filter_map(text).collect();
-        for caption in ["cat-idm: synthetic-7", "original, 2.0 s: as it ended", "evolved, 2.0 s: as it ended"] {
+        for caption in ["CAT against IDM", "original, 2.0 s: as it ended", "evolved, 2.0 s: as it ended"] {
             assert!(words.iter().any(|line| line == caption), "{caption}: {words:?}");
         }
         let panels = sheet.shapes.iter().filter(|shape| matches!(shape, Shape::Within(..))).count();

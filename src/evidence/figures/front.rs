@@ -31,13 +31,14 @@ const LETTERS: f64 = 7.0;
 const PARENT: (Mark, Rgb) = (Mark::Diamond, BLACK);
 
 fn sign(of: SearchKind) -> (Mark, Rgb, &'static str) {
-    match of {
-        SearchKind::Model => (Mark::Disc, BLUE, "language model"),
-        SearchKind::StandIn => (Mark::Triangle, ORANGE, "rule-based stand-in"),
-        SearchKind::Random => (Mark::Square, VERMILION, "random patches"),
-        SearchKind::Shuffled => (Mark::Cross, PURPLE, "shuffled labels"),
-        SearchKind::Other => (Mark::Square, GREEN, "another method"),
-    }
+    let (mark, colour) = match of {
+        SearchKind::Model => (Mark::Disc, BLUE),
+        SearchKind::StandIn => (Mark::Triangle, ORANGE),
+        SearchKind::Random => (Mark::Square, VERMILION),
+        SearchKind::Shuffled => (Mark::Cross, PURPLE),
+        SearchKind::Other => (Mark::Square, GREEN),
+    };
+    (mark, colour, of.words())
 }
 
 /// The searches of a generator against an ego.
@@ -46,17 +47,15 @@ struct Panel {
     all: Vec<Placed>,
 }
 
-/// A panel a generator, or the one that is named by a lineage of the runs.
-pub fn front(runs: &[RecordedRun], named: Option<&LineageId>) -> Result<Figure, FigureError> {
+/// A panel a generator; of all, or of the lineages that are named.
+pub fn front(runs: &[RecordedRun], named: &[LineageId]) -> Result<Figure, FigureError> {
     let mut own = runs.to_vec();
-    if let Some(wanted) = named {
-        let known: Vec<String> = own.iter().flat_map(|run| &run.parents).map(|of| of.lineage.to_string()).collect();
-        if !known.contains(&wanted.to_string()) {
-            return Err(FigureError::NoLineage { wanted: wanted.clone(), known });
-        }
-        for result in own.iter_mut().filter_map(|run| run.result.as_mut()) {
-            result.lineages.retain(|of| of.lineage == *wanted);
-        }
+    let known: Vec<String> = own.iter().flat_map(|run| &run.parents).map(|of| of.lineage.to_string()).collect();
+    if let Some(wanted) = named.iter().find(|wanted| !known.contains(&wanted.to_string())) {
+        return Err(FigureError::NoLineage { wanted: wanted.clone(), known });
+    }
+    for result in own.iter_mut().filter_map(|run| run.result.as_mut()).filter(|_| !named.is_empty()) {
+        result.lineages.retain(|of| named.contains(&of.lineage));
     }
     let all = placed(&own)?;
     let several = all.iter().any(|of| of.policy != all[0].policy);

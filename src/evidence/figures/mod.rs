@@ -17,7 +17,7 @@ mod tests;
 mod world_order;
 
 pub use area_rounds::area_rounds;
-pub use case_evolution::{case_evolution, with_a_chain};
+pub use case_evolution::{Evolved, case_evolution, credit_of, with_a_chain};
 pub use cases::{Case, Side, WonScene, cases, won_scenes};
 pub use edits::patch_surface;
 pub use error::FigureError;

@@ -5,7 +5,7 @@ use super::error::FigureError;
 use super::legend::{self, source};
 use crate::draw::{Axes, BLACK, BLUE, Figure, GREY, Ink, Mark, ORANGE, SKY, Scale, VERMILION, WHITE};
 use crate::evidence::recorded_run::RecordedRun;
-use crate::evidence::tables::csv_line;
+use crate::evidence::tables::{called, csv_line};
 use crate::objects::{LineageId, Objectives, Score, SolutionId, realism_name};
 
 /// Most lineages of a sheet.
@@ -61,23 +61,27 @@ fn points(run: &RecordedRun, lineage: &LineageId) -> Vec<Point> {
     start.into_iter().chain(descendants).collect()
 }
 
-/// A panel a lineage, of one lineage where one is named, with the points as CSV: one line a program.
-pub fn pareto_front(runs: &[RecordedRun], named: Option<&LineageId>) -> Result<(Figure, String), FigureError> {
+/// The programs of a lineage, under the name that figures give it.
+type Named = (String, Vec<Point>);
+
+/// A panel a lineage, of all or of those that are named, with the points as CSV: one line a program.
+pub fn pareto_front(runs: &[RecordedRun], named: &[LineageId]) -> Result<(Figure, String), FigureError> {
     let of = |run: &RecordedRun| -> Vec<LineageId> { run.parents.iter().map(|of| of.lineage.clone()).collect() };
     let known: Vec<LineageId> = runs.iter().flat_map(of).collect();
-    if let Some(wanted) = named.filter(|wanted| !known.contains(wanted)) {
+    if let Some(wanted) = named.iter().find(|wanted| !known.contains(wanted)) {
         let known = known.iter().map(ToString::to_string).collect();
         return Err(FigureError::NoLineage { wanted: wanted.clone(), known });
     }
-    let lineages = |run: &RecordedRun| -> Vec<Vec<Point>> {
-        of(run).iter().filter(|id| named.is_none_or(|named| named == *id)).map(|id| points(run, id)).collect()
+    let lineages = |run: &RecordedRun| -> Vec<Named> {
+        let meant = |id: &&LineageId| named.is_empty() || named.contains(id);
+        of(run).iter().filter(meant).map(|id| (called(run, id), points(run, id))).collect()
     };
-    let all: Vec<Vec<Point>> = runs.iter().flat_map(lineages).filter(|points| !points.is_empty()).collect();
+    let all: Vec<Named> = runs.iter().flat_map(lineages).filter(|(_, points)| !points.is_empty()).collect();
     if all.is_empty() {
         return Err(FigureError::NoLabels);
     }
     if all.len() > PANELS_MAX {
-        let known = all.iter().map(|points| points[0].lineage.to_string()).collect();
+        let known = all.iter().map(|(_, points)| points[0].lineage.to_string()).collect();
         return Err(FigureError::TooManyLineages { most: PANELS_MAX, known });
     }
     let realism = realism_name(runs.iter().any(|run| !run.rounds.is_empty()));
@@ -85,7 +89,7 @@ pub fn pareto_front(runs: &[RecordedRun], named: Option<&LineageId>) -> Result<(
     Ok((drawn(&all, realism, &source(&shown)), data(&all)))
 }
 
-fn data(all: &[Vec<Point>]) -> String {
+fn data(all: &[Named]) -> String {
     let head = "lineage,program,attack,realism,coverage,scenes,parent,accepted,on_front,reported\n";
     let line = |of: &Point| {
         csv_line(&[
@@ -101,10 +105,10 @@ fn data(all: &[Vec<Point>]) -> String {
             of.reported.to_string(),
         ])
     };
-    head.to_string() + &all.iter().flatten().map(line).collect::<String>()
+    head.to_string() + &all.iter().flat_map(|(_, points)| points).map(line).collect::<String>()
 }
 
-fn drawn(all: &[Vec<Point>], realism: &str, source: &str) -> Figure {
+fn drawn(all: &[Named], realism: &str, source: &str) -> Figure {
     let columns = all.len().min(BESIDE);
     let (rows, wide) = (all.len().div_ceil(BESIDE), if columns == 1 { 330.0 } else { ROOM[0] * columns as f64 + 10.0 });
     let mut sheet = Figure::new(
@@ -124,15 +128,16 @@ fn drawn(all: &[Vec<Point>], realism: &str, source: &str) -> Figure {
     let place = if end + 50.0 < wide { (end, 14.0) } else { (10.0, 25.0) };
     legend::row(&mut sheet, place, &reported);
     // One scale for all panels: who stands higher in one is more realistic than who stands lower in another.
-    let numbers = |of: fn(&Objectives) -> f64| all.iter().flatten().map(move |point| of(&point.objectives));
+    let numbers =
+        |of: fn(&Objectives) -> f64| all.iter().flat_map(|(_, points)| points).map(move |point| of(&point.objectives));
     let across = Scale::over(numbers(|of| of.attack).chain([0.0]), 5).widened(0.03);
     let up = Scale::over(numbers(|of| of.realism), 5).widened(0.03);
-    for (at, points) in all.iter().enumerate() {
+    for (at, of) in all.iter().enumerate() {
         let left = ROOM[0] * (at % BESIDE) as f64 + 50.0;
         let top = 46.0 + ROOM[1] * (at / BESIDE) as f64;
         let size = if columns == 1 { 265.0 } else { ROOM[0] - 62.0 };
         let axes = Axes { place: [left, top, size, ROOM[1] - 54.0], across: across.clone(), up: up.clone() };
-        panel(&mut sheet, &axes, points, realism);
+        panel(&mut sheet, &axes, of, realism);
     }
     let note = format!(
         "Upwards more realistic ({realism}), to the right more attack; programs that act nowhere are left out. Front: not dominated after the \
@@ -143,9 +148,9 @@ fn drawn(all: &[Vec<Point>], realism: &str, source: &str) -> Figure {
     sheet
 }
 
-fn panel(sheet: &mut Figure, axes: &Axes, points: &[Point], realism: &str) {
+fn panel(sheet: &mut Figure, axes: &Axes, (name, points): &Named, realism: &str) {
     let [left, top, ..] = axes.place;
-    sheet.heading((left, top - 6.0), 8.0, points.first().map_or("", |point| point.lineage.as_str()));
+    sheet.heading((left, top - 6.0), 8.0, name.as_str());
     axes.draw(sheet, "Attack", realism);
     let at = |of: &Point| axes.at(of.objectives.attack, of.objectives.realism);
     let marked = |sheet: &mut Figure, which: &dyn Fn(&Point) -> bool, mark: Mark, r: f64, ink: Ink| {
@@ -198,6 +203,10 @@ mod tests {
         all.map(|(name, attack, realism)| point(name, attack, realism)).to_vec()
     }
 
+    fn named() -> Named {
+        ("CAT against IDM".into(), points())
+    }
+
     #[test]
     fn the_front_is_a_stair_that_falls_to_the_right() {
         let axes = Axes {
@@ -214,7 +223,7 @@ mod tests {
 
     #[test]
     fn every_program_is_marked_once_in_its_kind_and_the_reported_one_has_a_ring() {
-        let one = drawn(&[points()], "strict realism", "Recorded: none.");
+        let one = drawn(&[named()], "strict realism", "Recorded: none.");
         let discs = |ink: Ink, r: f64| {
             let is = |shape: &&Shape| matches!(shape, Shape::Disc(_, of, with) if *with == ink && *of == r);
             one.shapes.iter().filter(is).count()
@@ -224,10 +233,10 @@ mod tests {
         assert_eq!(discs(Ink::line(VERMILION, 1.2), 5.0), 1, "reported");
         let bytes = pdf(&one).unwrap();
         assert!(
-            bytes == pdf(&drawn(&[points()], "strict realism", "Recorded: none.")).unwrap(),
+            bytes == pdf(&drawn(&[named()], "strict realism", "Recorded: none.")).unwrap(),
             "the same bytes each time"
         );
-        let csv = data(&[points()]);
+        let csv = data(&[named()]);
         assert_eq!(csv.lines().count(), 6);
         assert!(csv.contains("cat-idm,f2,0.3,0.93,1,16,false,true,true,true\n"), "{csv}");
     }

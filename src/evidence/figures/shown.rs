@@ -1,9 +1,10 @@
 //! The figures of one run, as its report shows them.
 
 use super::area_rounds::area_rounds;
-use super::case_evolution::case_evolution;
+use super::case_evolution::{Evolved, case_evolution, credit_of};
 use super::edits::patch_surface;
 use super::world_order::world_order;
+use crate::evidence::credit::Credit;
 use crate::evidence::recorded_run::RecordedRun;
 
 /// Most lineages whose steps a report shows: a run of fifty would make its page half as large again.
@@ -18,11 +19,15 @@ pub struct Shown {
     pub svg: String,
 }
 
-/// Every figure that one run gives, as SVG: what its report shows.
-pub fn of_run(run: &RecordedRun) -> Vec<Shown> {
+/// Every figure that one run gives, as SVG: what its report shows. Chains are drawn on held-out scenes where their credit is known.
+pub fn of_run(run: &RecordedRun, credits: &[Credit]) -> Vec<Shown> {
     let alone = std::slice::from_ref(run);
     let whole = [patch_surface(alone), world_order(alone), area_rounds(alone)];
-    let steps = run.parents.iter().take(LINEAGES_MAX).map(|parent| case_evolution(run, &parent.lineage));
+    let steps = run.parents.iter().take(LINEAGES_MAX).map(|parent| {
+        let lineage = parent.lineage.clone();
+        let credit = credit_of(run, &lineage, credits);
+        case_evolution(&[Evolved { run, lineage, credit }])
+    });
     let files = whole.into_iter().chain(steps).filter_map(Result::ok);
     files.map(|figure| Shown { svg: figure.svg(), title: figure.title }).collect()
 }

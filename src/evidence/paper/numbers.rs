@@ -52,6 +52,27 @@ pub fn numbers(tables: &[(String, Table)], claims: Option<&Judgement>, others: &
     out
 }
 
+/// The numbers of one table in the place of those that `all` has of it.
+pub fn numbers_with(all: &str, name: &str, table: &Table) -> String {
+    let of = |text: &str| -> Vec<(String, String)> {
+        let named = text.lines().filter_map(|line| {
+            let (number, _) = line.strip_prefix("\\expandafter\\def\\csname evo:")?.split_once("\\endcsname")?;
+            Some((number.to_string(), line.to_string()))
+        });
+        named.collect()
+    };
+    let own = format!("{name}:");
+    let new = numbers(&[(name.to_string(), table.clone())], None, &BTreeMap::new());
+    let mut lines: BTreeMap<String, String> =
+        of(all).into_iter().filter(|(number, _)| !number.starts_with(&own)).collect();
+    lines.extend(of(&new).into_iter().filter(|(number, _)| number.starts_with(&own)));
+    let mut out = HEAD.to_string();
+    lines.values().for_each(|line| {
+        let _ = writeln!(out, "{line}");
+    });
+    out
+}
+
 fn cells(all: &mut BTreeMap<String, String>, name: &str, table: &Table) {
     for row in table.rows() {
         let first = row.labels.first().map(String::as_str).unwrap_or_default();
@@ -90,6 +111,19 @@ mod tests {
         assert!(text.contains("csname evo:policy:CAT:evolved_attack\\endcsname{0.500 "), "{text}");
         assert!(!text.contains("CAT/IDM"), "one row of a name needs no more than it");
         assert!(text.contains("evo:other\\endcsname{5 \\%}") && text.contains("evo:run:made:held_out_scenes"));
+    }
+
+    #[test]
+    fn numbers_of_one_table_take_the_place_of_its_old_ones_and_no_other_moves() {
+        let of = |evolved: f64| {
+            let mut recorded = run("made", &[("actor", "scripted")]);
+            add(&mut recorded, &End { pf_area_at_3_pct: evolved, ..CAT });
+            metadrive_policy(&[recorded]).unwrap()
+        };
+        let both =
+            |first: f64| numbers(&[("one".into(), of(first)), ("one-more".into(), of(2.0))], None, &BTreeMap::new());
+        assert_eq!(numbers_with(&both(1.0), "one", &of(5.0)), both(5.0));
+        assert_ne!(both(1.0), both(5.0));
     }
 
     #[test]

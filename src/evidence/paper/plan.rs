@@ -59,9 +59,9 @@ pub struct Piece {
     table: Option<String>,
     #[serde(default)]
     figure: Option<String>,
-    /// The lineage that a figure shows.
+    /// The lineages that a figure shows.
     #[serde(default)]
-    pub lineage: Option<String>,
+    pub lineages: Vec<String>,
     /// Runs by their names in the plan.
     #[serde(default)]
     pub runs: Vec<String>,

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use super::super::agreement;
 use super::super::credit::Credit;
+use super::others::Other;
 use crate::archive::SelectorOptions;
 use crate::objects::SolutionId;
 use crate::objects::cost::RunCost;
@@ -19,6 +20,8 @@ pub struct Beside<'a> {
     pub credits: &'a [Credit],
     /// How far another simulator's run agrees, where one was compared.
     pub agreement: Option<&'a agreement::Report>,
+    /// Other runs that are compared with it, in the order in which they were named.
+    pub others: &'a [Other],
     /// What the contracts of its families say of its programs.
     pub words: &'a Words,
     /// How far a run should go that is not finished, where the page is to follow it.

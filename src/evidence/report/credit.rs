@@ -12,6 +12,7 @@ pub fn of(credits: &[Credit], reported: &SolutionId) -> Option<Value> {
         json!({
             "name": edit.name,
             "what": edit.what,
+            "so_far": edit.so_far.as_ref().and_then(|of| of.as_ref().ok()).map(gain),
             "needed": edit.taken_out.as_ref().ok().map(gain),
             "alone": edit.alone.as_ref().ok().map(gain),
             "says": credit.sentence(edit),

@@ -16,8 +16,7 @@ use crate::evidence::realism::Realisms;
 use crate::evidence::{audit, unlabelled};
 use crate::kernel::num;
 use crate::objects::{
-    Attempt, Counselled, Exchange, Exit, LineageId, Origin, Role, Round, SceneScore, edit_categories,
-    event::{LineageResult, Measured},
+    Attempt, Counselled, Exchange, Exit, LineageId, Origin, Role, Round, SceneScore, edit_categories, event::Measured,
     program_diff, program_text,
 };
 
@@ -82,6 +81,9 @@ pub fn of(run: &RecordedRun, headlines: &[Headline], stage: &Stage, beside: &Bes
     if let Some(agreement) = beside.agreement {
         page["agreement"] = json!(agreement);
     }
+    if !beside.others.is_empty() {
+        page["others"] = json!(beside.others);
+    }
     page
 }
 
@@ -94,7 +96,7 @@ fn programs(run: &RecordedRun, headlines: &[Headline]) -> BTreeMap<String, Strin
 
 fn lineage(run: &RecordedRun, id: &LineageId, names: &Names, beside: &Beside<'_>) -> Value {
     let parent = run.parents.iter().find(|p| p.lineage == *id);
-    let result: Option<&LineageResult> = run.result.as_ref().and_then(|r| r.lineages.iter().find(|l| l.lineage == *id));
+    let result = run.result_of(id);
     let frozen = || run.frozen.iter().filter(|f| f.lineage == *id);
     let epochs: Vec<Value> = run
         .settled

@@ -63,7 +63,7 @@ fn names(expression: &str) -> BTreeSet<String> {
 }
 
 /// What is new, the most telling part first.
-fn phrase(parent: &Program, chosen: &Program) -> String {
+pub fn phrase(parent: &Program, chosen: &Program) -> String {
     let of = |program: &Program, slot: Slot| -> Vec<OperatorNode> {
         program.operator_graph.values().filter(|node| node.slot == slot).cloned().collect()
     };

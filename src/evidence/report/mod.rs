@@ -7,6 +7,7 @@ mod data;
 mod growth;
 mod headline;
 mod mechanism;
+mod others;
 mod packed;
 mod pairs;
 mod spread;
@@ -16,6 +17,8 @@ mod trust;
 
 pub use beside::{Beside, Live, Words};
 pub use headline::shown;
+pub use mechanism::phrase as patch_in_words;
+pub use others::{Other, OtherRow};
 pub use stage::{Playable, Stage, Unplayed};
 
 use super::figures;
@@ -44,7 +47,11 @@ const SCRIPT: [&str; 11] = [
 /// screen, which is escaped markup.
 pub fn html(run: &RecordedRun, stage: &Stage, beside: &Beside<'_>) -> String {
     let headlines = headline::headlines(run);
-    let data = script_json(&(data::of(run, &headlines, stage, beside), packed::stage(stage), figures::of_run(run)));
+    let data = script_json(&(
+        data::of(run, &headlines, stage, beside),
+        packed::stage(stage),
+        figures::of_run(run, beside.credits),
+    ));
     // One pass over the page, so that nothing inserted is searched for another mark.
     let parts = [
         ("/*TITLE*/", format!("{} – EvoDrive report", escaped(&run.opened.name))),

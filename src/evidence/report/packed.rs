@@ -63,6 +63,7 @@ fn drawing(scene: &Drawing) -> Value {
         "dt_s": scene.dt_s,
         "steps": scene.steps,
         "current_step": scene.current_step,
+        "verges": scene.verges.iter().map(|line| points(line)).collect::<Vec<_>>(),
         "surfaces": scene.surfaces.iter().map(|line| points(line)).collect::<Vec<_>>(),
         "lines": lines,
         "crosswalks": scene.crosswalks.iter().map(|line| points(line)).collect::<Vec<_>>(),

@@ -1,17 +1,16 @@
 //! What became of each held-out scene under the parent and under the chosen program: the rows of the page's grid of scenes.
 
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 
 use super::super::recorded_run::RecordedRun;
 use crate::kernel::num;
-use crate::objects::{SceneScore, SolutionId, event::LineageResult};
+use crate::objects::{SceneScore, event::LineageResult};
 
 /// `[scene, of the parent, of the chosen]`, each side `[attack, realism where it acts, class of the contact, whether with an adversary]` and
 /// nothing where a program has no label; scenes and classes are places in lists.
 pub fn of(run: &RecordedRun, result: &LineageResult, scenes: &[String], classes: &[String]) -> Vec<Value> {
     let (parent, chosen) =
-        (labels(run, result, &result.parent.solution), labels(run, result, &result.evolved.solution));
+        (run.held_out_labels(&result.parent.solution), run.held_out_labels(&result.evolved.solution));
     let side = |label: Option<&&SceneScore>| {
         label.map(|label| {
             let class = label.contact.as_ref().and_then(|met| classes.binary_search(&met.class).ok());
@@ -23,13 +22,4 @@ pub fn of(run: &RecordedRun, result: &LineageResult, scenes: &[String], classes:
     let place = |scene: &str| scenes.binary_search_by(|known| known.as_str().cmp(scene)).ok();
     let known = parent.keys().chain(chosen.keys().filter(|scene| !parent.contains_key(*scene)));
     known.map(|scene| json!([place(scene), side(parent.get(scene)), side(chosen.get(scene))])).collect()
-}
-
-fn labels<'r>(
-    run: &'r RecordedRun,
-    result: &LineageResult,
-    solution: &SolutionId,
-) -> BTreeMap<&'r str, &'r SceneScore> {
-    let own = run.held_out.iter().filter(|of| of.lineage == result.lineage && of.solution == *solution);
-    own.flat_map(|of| &of.score.scenes).map(|label| (label.scene.as_str(), label)).collect()
 }

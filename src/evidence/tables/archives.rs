@@ -174,12 +174,7 @@ fn one(place: usize, recorded_run: &RecordedRun, result: &LineageResult) -> Resu
     }
     let attack_change = last.benchmark.mean.attack - first.benchmark.mean.attack;
     let descends = last.selected.iter().any(|scene| scene.solution != result.parent.solution);
-    let stem = labels::stem(result);
-    // Whoever starts from a program of another run is no method as published.
-    let published = recorded_run.parents.iter().all(|p| p.lineage != result.lineage || p.origins.is_empty());
-    let own_id = |m: &&Method| m.family == result.family.as_str() && m.family == stem.replace('-', "_");
-    let method = METHODS.iter().filter(|_| published).find(own_id);
-    let titled = METHODS.iter().find(|m| m.family == result.family.as_str()).map_or(result.family.as_str(), |m| m.name);
+    let (stem, method) = (labels::stem(result), published(recorded_run, result));
     let group = |name: &String| group(name).ok_or_else(|| damaged(format!("names the group {name:?}")));
     let gains = result.pf_area_at_3_pct_by_group.iter().map(|(name, gain)| Ok((group(name)?, *gain)));
     let round = |recorded: &&ArchiveRound| {
@@ -200,7 +195,7 @@ fn one(place: usize, recorded_run: &RecordedRun, result: &LineageResult) -> Resu
         run: labels::run_name(recorded_run),
         method,
         name: method.map_or(stem, |method| method.name).to_string(),
-        label: method.map_or_else(|| labels::label(titled, result), |method| method.name.to_string()),
+        label: method_label(recorded_run, result),
         ego: result.ego.clone(),
         policy: labels::policy(recorded_run, &result.ego),
         gains_pct: gains.collect::<Result<_, TableError>>()?,
@@ -209,6 +204,21 @@ fn one(place: usize, recorded_run: &RecordedRun, result: &LineageResult) -> Resu
         proposals: labels::proposals(recorded_run),
         stopped: stopped::archive_note(recorded_run, result, attack_change, descends),
     })
+}
+
+/// The method as published that a lineage is; `None` for one that starts from a program of another run, or has another id.
+fn published(recorded_run: &RecordedRun, result: &LineageResult) -> Option<&'static Method> {
+    let as_published = recorded_run.parents.iter().all(|p| p.lineage != result.lineage || p.origins.is_empty());
+    let stem = labels::stem(result).replace('-', "_");
+    let own_id = |m: &&Method| m.family == result.family.as_str() && m.family == stem;
+    METHODS.iter().filter(|_| as_published).find(own_id)
+}
+
+/// What tables call the method of a lineage in SafeBench's protocol: the paper's name where it is as published.
+pub(super) fn method_label(recorded_run: &RecordedRun, result: &LineageResult) -> String {
+    let own = METHODS.iter().find(|m| m.family == result.family.as_str());
+    let titled = own.map_or(result.family.as_str(), |m| m.name);
+    published(recorded_run, result).map_or_else(|| labels::label(titled, result), |method| method.name.to_string())
 }
 
 /// What one program did on the held-out routes.

@@ -406,8 +406,7 @@ impl<'s> Bases<'s> {
 
     fn result(&self, place: usize, lineage: &LineageId) -> Option<(usize, &'s RecordedRun, &'s LineageResult)> {
         let recorded_run = self.recorded_runs.get(place)?;
-        let result = recorded_run.result.as_ref()?.lineages.iter().find(|result| result.lineage == *lineage)?;
-        Some((place, recorded_run, result))
+        Some((place, recorded_run, recorded_run.result_of(lineage)?))
     }
 }
 

@@ -124,7 +124,7 @@ fn with_strict(run: &RecordedRun) -> bool {
 
 /// The labels of two programs in the scenes that both have, and how many of each are left out.
 fn paired<'a>(first: Of<'a>, second: Of<'a>) -> Option<(Paired, Vec<Pair<'a>>, [usize; 2])> {
-    let suites = [(Paired::HeldOut, held_out as fn(_, _) -> _), (Paired::Evolution, evolution)];
+    let suites = [(Paired::HeldOut, RecordedRun::held_out_labels as fn(_, _) -> _), (Paired::Evolution, evolution)];
     suites.into_iter().find_map(|(on, labels)| {
         let (of_first, of_second): (ByScene<'a>, ByScene<'a>) = (labels(first.0, first.1), labels(second.0, second.1));
         let pairs = both(&of_first, &of_second);
@@ -158,11 +158,6 @@ fn quantities(seeds: &[Vec<Pair<'_>>], drawn: Option<&Drawn>, with_strict: bool)
     quantities.splice(behind..behind, strict);
     quantities.extend(own);
     quantities
-}
-
-fn held_out<'a>(run: &'a RecordedRun, solution: &SolutionId) -> ByScene<'a> {
-    let of = run.held_out.iter().filter(|of| of.solution == *solution);
-    by_scene(of.flat_map(|of| &of.score.scenes))
 }
 
 /// An attempt has the labels that decided about it, a parent those of its windows.

@@ -161,8 +161,8 @@ fn numbers(runs: &[RecordedRun], of: &[&LineageLabels], nulls: &[Vec<LineageLabe
     let mut numbers = estimated(&READ.map(|(column, side)| (column, quantity(of, |l| l.read(side, labels::ATTACK)))));
     // Drawing up an area costs more than reading a label, and three columns show it.
     let spanned = |l: &LineageLabels| {
-        let result = labels::result(&runs[l.place]).ok()?.lineages.iter().find(|result| result.lineage == l.lineage)?;
-        Spanned::of(&runs[l.place], result)
+        let run = &runs[l.place];
+        Spanned::of(run, run.result_of(&l.lineage)?)
     };
     let areas: BTreeMap<&LineageId, Spanned> = of.iter().filter_map(|l| Some((&l.lineage, spanned(l)?))).collect();
     for column in [AREA_PARENT, AREA_EVOLVED, AREA_CHANGE] {

@@ -293,7 +293,7 @@ fn one(place: usize, recorded: &RecordedRun, result: &LineageResult) -> Result<L
         run: run_name(recorded),
         method,
         name: published.map_or_else(|| stem(result).to_string(), |method| method.name.to_string()),
-        label: published.map_or_else(|| label(titled(result), result), |method| method.name.to_string()),
+        label: method_label(recorded, result),
         ego: result.ego.clone(),
         policy: policy(recorded, &result.ego),
         suite: digest,
@@ -308,6 +308,11 @@ fn one(place: usize, recorded: &RecordedRun, result: &LineageResult) -> Result<L
         proposals: proposals(recorded),
         stopped: stopped::note(recorded, result),
     })
+}
+
+/// What tables call the method of a lineage in MetaDrive's protocol: the paper's name where it is as published.
+pub fn method_label(recorded: &RecordedRun, result: &LineageResult) -> String {
+    method(recorded, result).map_or_else(|| label(titled(result), result), |method| method.name.to_string())
 }
 
 /// An ego of a run as the paper calls it, or as we do; a planner by its name.

@@ -45,7 +45,21 @@ pub struct Placed {
     pub evolved: Point,
 }
 
-fn searched(run: &RecordedRun) -> SearchKind {
+impl SearchKind {
+    /// As readers are told it.
+    pub fn words(self) -> &'static str {
+        match self {
+            SearchKind::Model => "language model",
+            SearchKind::StandIn => "rule-based stand-in",
+            SearchKind::Random => "random patches",
+            SearchKind::Shuffled => "shuffled labels",
+            SearchKind::Other => "another method",
+        }
+    }
+}
+
+/// The kind of search that a run is.
+pub fn searched(run: &RecordedRun) -> SearchKind {
     let own = method(run);
     let is = |of: Method| own == of.name();
     match () {

@@ -93,7 +93,7 @@ fn columns() -> Vec<Column> {
 fn seen_numbers(runs: &[RecordedRun], of: &Subject<'_>) -> Numbers {
     let both = |archive: &&archives::LineageArchive| -> Option<Both> {
         let run = runs.iter().find(|run| labels::run_name(run) == archive.run)?;
-        seen(run, run.result.as_ref()?.lineages.iter().find(|result| result.lineage == archive.lineage)?)
+        seen(run, run.result_of(&archive.lineage)?)
     };
     let Some(seeds) = of.seeds.iter().map(both).collect::<Option<Vec<Both>>>() else { return Numbers::new() };
     let number = |(column, read): &(Column, SeenRead)| {

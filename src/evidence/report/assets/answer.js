@@ -22,7 +22,7 @@ function drawAnswer() {
   }
   const exits = ["declined", "invalid", "rejected", "evaluated"], n = (exit) => data.attempts.filter((a) => a.exit === exit).length;
   const counts = el("p", { id: "counts", class: "note" }, `${counted(data.attempts.length, "attempt")}: `, exits.map((exit) => `${n(exit)} ${exit}`).join(", "), `; ${data.attempts.filter(accepted).length} accepted; ${data.rollouts ?? "–"} rollouts. `, link({ tab: "attempts" }, "All attempts"), " · ", link({ tab: "records" }, "all numbers"), ".");
-  put(page, el("div", { class: told.length ? "answer-grid" : null }, told.length ? el("div", {}, ...told.slice(0, 1)) : null, el("section", { class: "part" }, el("h2", {}, result ? `Held-out front of ${best.id}` : `The front of ${best.id} so far`), el("figure", { id: "answer-front" }, chart))), ...told.slice(1), creditPart(best), counts);
+  put(page, el("div", { class: told.length ? "answer-grid" : null }, told.length ? el("div", {}, ...told.slice(0, 1)) : null, el("section", { class: "part" }, el("h2", {}, result ? `Held-out front of ${best.id}` : `The front of ${best.id} so far`), el("figure", { id: "answer-front" }, chart))), ...told.slice(1), creditPart(best), othersPart(), counts);
   fitting(() => plane(chart, best, data.sealed ? "held_out" : "search", { most: 620, height: 340 }));
 }
 // The phrase of the program's structure, the proposer's own words, the first changes, the diff below.
@@ -44,10 +44,19 @@ function creditPart(lineage) {
   const credit = lineage.credit;
   if (!credit) return !lineage.mechanism ? null : el("section", { class: "part", id: "credit" }, el("h2", {}, "Credit of each patch"), note("Not worked out yet: ", el("code", {}, "evodrive report --credit"), " plays the chosen program without each of its patches, and adds it here."));
   const cells = (gain) => [estimate(gain && gain.attack, true), estimate(gain && gain.realism, true)];
-  const rows = credit.edits.map((e) => [{ by: e.name, node: link({ tab: "attempts", attempt: e.name }, e.name) }, ...cells(e.needed), ...cells(e.alone)]);
+  const rows = credit.edits.map((e) => [{ by: e.name, node: link({ tab: "attempts", attempt: e.name }, e.name) }, ...cells(e.so_far), ...cells(e.needed), ...cells(e.alone)]);
   return el("section", { class: "part", id: "credit" }, el("h2", {}, "Credit of each patch"), list(credit.edits.map((e) => e.says)),
-    sortable(["Patch", "attack", "realism", "attack", "realism"], [["all together", ...cells(credit.whole), "–", "–"], ...rows], `credit-${lineage.id}`, { groups: [["", 1], ["Lost without it", 2], ["Alone on the parent", 2]], file: ["patch", ...["lost without it", "alone"].flatMap((of) => [`${of}: attack`, `${of}: realism`])] }),
-    note("On the held-out scenes, paired by scene; in brackets 95 % bootstrap intervals over scenes. Lost without it: the chosen program minus the program without this patch. Alone: the parent with this patch minus the parent. Shares need not add up to the whole, because patches may need each other or do the same."));
+    sortable(["Patch", "attack", "realism", "attack", "realism", "attack", "realism"], [["all together", ...cells(credit.whole), ...cells(credit.whole), "–", "–"], ...rows], `credit-${lineage.id}`, { groups: [["", 1], ["With the patches so far", 2], ["Lost without it", 2], ["Alone on the parent", 2]], file: ["patch", ...["so far", "lost without it", "alone"].flatMap((of) => [`${of}: attack`, `${of}: realism`])] }),
+    note("On the held-out scenes, paired by scene; in brackets 95 % bootstrap intervals over scenes. So far: the parent with the patches up to this one minus the parent. Lost without it: the chosen program minus the program without this patch. Alone: the parent with this patch minus the parent. Shares need not add up to the whole, because patches may need each other or do the same."));
+}
+
+// What runs beside this one came to, search by search: this run is the first of both, so a positive difference is the other one's.
+function othersPart() {
+  if (!data.others) return null;
+  const of = (row, name) => row.quantities.find((q) => q.quantity === name) || {};
+  const table = (o) => sortable(["Lineage", "attack here", "there", "difference", "realism", STRICT(), "any crash", "scenes"], o.rows.map((r) => [r.seeds > 1 ? `${r.search} (${r.seeds} searches)` : r.search, estimate(of(r, "attack").first), estimate(of(r, "attack").second), estimate(of(r, "attack").difference, true), estimate(of(r, "realism").difference, true), estimate(of(r, STRICT()).difference, true), estimate(of(r, "any crash").difference, true), [r.scenes, 0]]), `beside-${o.name}`, { groups: [["", 1], ["Attack", 3], ["Difference of", 3], ["", 1]] });
+  return el("section", { class: "part", id: "beside" }, el("h2", {}, data.others.length > 1 ? "Beside other runs" : "Beside another run"), ...data.others.flatMap((o) => [el("h3", {}, `${capital(o.by)}: ${o.name} `, el("small", {}, `root ${o.root.slice(0, 12)}`)), table(o), o.notes.length ? list(o.notes) : null]),
+    note("Differences are the other run minus this one, paired by scene; in brackets 95 % bootstrap intervals, over searches and scenes where several searches are compared, else over scenes."));
 }
 
 // --- the mechanism: every change, the expressions, the diff; and any two programs beside each other

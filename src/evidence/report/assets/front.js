@@ -16,17 +16,22 @@ function planePoints(lineage, suite) {
   for (const p of last ? last.front : []) points.set(p.solution, point(p.solution, p.objectives, `the ${seen} scenes of all windows`, ["on the front"]));
   return [...points.values()];
 }
+// What other runs report in the place of this lineage's program; a kind of search that two runs share is told apart by their names.
+function otherPoints(lineage) {
+  const others = data.others || [], twice = (by) => others.filter((o) => o.by === by).length > 1;
+  return others.flatMap((o, k) => o.points.filter((p) => p.lineage === lineage.id && p.measured.coverage > 0).map((p) => ({ solution: p.measured.solution, objectives: p.measured.objectives, on: `${p.scenes} held-out scenes`, spread: p.spread, run: o.name, kind: ["ring", "cross", "bar"][k % 3], text: twice(o.by) ? `${o.by} (${o.name})` : o.by })));
+}
 function dominated(p, points) { return points.some((q) => q.objectives.attack >= p.objectives.attack && q.objectives.realism >= p.objectives.realism && (q.objectives.attack > p.objectives.attack || q.objectives.realism > p.objectives.realism)); }
 const shortId = (solution, lineage) => solution.startsWith(`${lineage.id}/`) ? solution.slice(lineage.id.length + 1) : solution;
 
 function plane(place, lineage, suite, { most = 760, height = 420 } = {}) {
-  const points = planePoints(lineage, suite);
+  const points = planePoints(lineage, suite), others = suite === "held_out" ? otherPoints(lineage) : [];
   if (!points.length) return place.replaceChildren(note("Nothing of this lineage was measured there.", data.sealed ? "" : " Held-out scenes are opened after the last epoch."));
   const width = room(place, most), key = points.filter((p) => p.parent || p.chosen), rule = data.safebench ? null : data.realism_min;
   const bars = points.flatMap((p) => p.spread && (p.parent || p.chosen) ? p.spread[1] : []), risers = points.flatMap((p) => p.spread && (p.parent || p.chosen) ? p.spread[0] : []);
-  const xs = points.map((p) => p.objectives.realism), ys = points.map((p) => p.objectives.attack);
+  const xs = [...points, ...others].map((p) => p.objectives.realism), ys = [...points, ...others].map((p) => p.objectives.attack);
   const near = rule !== null && rule !== undefined && Math.abs(rule - Math.max(...xs)) < 0.15 ? [rule] : [];
-  const chart = axes(width, height, robust(xs, [...key.map((p) => p.objectives.realism), ...bars, ...near], 0.004, 0, 1), padded([...ys, ...risers], 0.02, 0, 1), `${STRICT()} →`, "attack →");
+  const chart = axes(width, height, robust(xs, [...[...key, ...others].map((p) => p.objectives.realism), ...bars, ...near], 0.004, 0, 1), padded([...ys, ...risers], 0.02, 0, 1), `${STRICT()} →`, "attack →");
   const { root, x, y, box } = chart, taken = [];
   const inside = (p) => p.objectives.realism >= chart.xRange[0] - 1e-9, px = (p) => x(Math.max(chart.xRange[0], p.objectives.realism)), py = (p) => y(p.objectives.attack);
   if (near.length) {
@@ -54,13 +59,21 @@ function plane(place, lineage, suite, { most = 760, height = 420 } = {}) {
     root.append(mark);
     taken.push([at[0] - 8, at[1] - 8, at[0] + 8, at[1] + 8]);
   }
+  for (const p of others) {
+    const at = [px(p), py(p)];
+    if (p.spread) root.append(svg("path", { class: "spread", d: `M${x(Math.max(chart.xRange[0], p.spread[1][0]))},${at[1]}L${x(p.spread[1][1])},${at[1]}M${at[0]},${y(p.spread[0][0])}L${at[0]},${y(p.spread[0][1])}` }));
+    const mark = sign(p.kind, ...at, 6, "var(--rejected)", { class: "other" });
+    mark.append(svg("title", {}, `${p.text}: ${p.solution} of ${p.run}: attack ${fixed(p.objectives.attack, 3)}, ${STRICT()} ${fixed(p.objectives.realism, 4)}, measured on ${p.on}`));
+    root.append(mark);
+    taken.push([at[0] - 8, at[1] - 8, at[0] + 8, at[1] + 8]);
+  }
   const names = points.length <= 14 ? points.filter((p) => !p.parent && !p.chosen && inside(p)) : front.filter((p) => !p.parent && !p.chosen).slice(0, 6);
   const same = key.length === 1 && key[0].parent && key[0].chosen;
-  labelled(chart, [...key.map((p) => ({ x: px(p), y: py(p), text: same ? "parent, which stays" : p.chosen ? `chosen: ${shortId(p.solution, lineage)}` : "parent", bold: true })), ...names.map((p) => ({ x: px(p), y: py(p), text: shortId(p.solution, lineage) }))], taken);
+  labelled(chart, [...key.map((p) => ({ x: px(p), y: py(p), text: same ? "parent, which stays" : p.chosen ? `chosen: ${shortId(p.solution, lineage)}` : "parent", bold: true })), ...names.map((p) => ({ x: px(p), y: py(p), text: shortId(p.solution, lineage) })), ...others.map((p) => ({ x: px(p), y: py(p), text: p.text }))], taken);
   const played = data.replay.find((r) => r.suite === (suite === "held_out" ? "held_out" : "evolution") && r.ego === lineage.ego);
-  place.replaceChildren(root, downloads(root, `front-${lineage.id}-${suite}`, [["program", "attack", STRICT(), "measured on", "standing"], ...points.map((p) => [p.solution, p.objectives.attack, p.objectives.realism, p.on, p.words])]),
+  place.replaceChildren(root, downloads(root, `front-${lineage.id}-${suite}`, [["program", "attack", STRICT(), "measured on", "standing"], ...points.map((p) => [p.solution, p.objectives.attack, p.objectives.realism, p.on, p.words]), ...others.map((p) => [p.solution, p.objectives.attack, p.objectives.realism, p.on, `${p.text}, run ${p.run}`])]),
     note({
-      held_out: `Each program once, on the ${(points[0] || {}).on}, which were opened after the choice${near.length ? ", so that a chosen program may fall short of the rule here" : ""}. Bars: 95 % over scenes drawn anew; parent and chosen share their scenes, so the difference is surer than the bars look.`,
+      held_out: `Each program once, on the ${(points[0] || {}).on}, which were opened after the choice${near.length ? ", so that a chosen program may fall short of the rule here" : ""}. Bars: 95 % over scenes drawn anew; parent and chosen share their scenes, so the difference is surer than the bars look.${others.length ? " Named by their search: what other runs report." : ""}`,
       pool: "The programs among which the run chose, each measured on every scene of the evolution pool.",
       search: "Every evaluated program once: members of the front on the scenes of all windows, the others on the window of their epoch, so places of different windows are not strictly comparable.",
     }[suite], off ? ` ${counted(off, "program")} of lower ${STRICT()} at the left edge (◂).` : "", played ? ` Without a program the ego crashes in ${fixed(100 * played.contact_rate, 1)} % of these scenes.` : ""));

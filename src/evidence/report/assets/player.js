@@ -76,7 +76,7 @@ function still(rollout, width = 220, height = 150) {
   const at = ([x, y]) => [width / 2 + (x - middle[0]) * scale, height / 2 - (y - middle[1]) * scale], near = (p) => { const [x, y] = at(p); return x > -width && x < 2 * width && y > -height && y < 2 * height; };
   const path = (line) => line.map((p, i) => `${i ? "L" : "M"}${at(p).map((v) => v.toFixed(1)).join(" ")}`).join("");
   const root = svg("svg", { viewBox: `0 0 ${width} ${height}`, class: "still", role: "img", "aria-label": rollout.caption });
-  for (const surface of scene.surfaces) if (surface.some(near)) root.append(svg("path", { class: "surface", d: path(surface) + "Z" }));
+  for (const [surfaces, kind] of [[scene.verges, "verge"], [scene.surfaces, "surface"]]) for (const surface of surfaces) if (surface.some(near)) root.append(svg("path", { class: kind, d: path(surface) + "Z" }));
   for (const line of scene.lines) if (line.points.some(near)) root.append(svg("path", { class: `road ${line.style}`, d: path(line.points) }));
   for (const a of scene.actors) {
     const lead = a.role === "ego" || a.role === "adversary", way = a.samples.slice(0, step + 1).filter(Boolean);

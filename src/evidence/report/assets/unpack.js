@@ -19,7 +19,7 @@ const EvoUnpack = (() => {
     return { ...rest, samples };
   };
   const drawing = (packed) => ({
-    ...packed, surfaces: packed.surfaces.map(points), lines: packed.lines.map((l) => ({ ...l, points: points(l.points) })),
+    ...packed, verges: packed.verges.map(points), surfaces: packed.surfaces.map(points), lines: packed.lines.map((l) => ({ ...l, points: points(l.points) })),
     crosswalks: packed.crosswalks.map(points), route: points(packed.route), actors: packed.actors.map(actor),
   });
   // The data of a large page are base64 of deflated JSON.

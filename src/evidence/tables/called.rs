@@ -1,0 +1,18 @@
+//! What people call a lineage.
+
+use super::{archives, labels};
+use crate::evidence::recorded_run::RecordedRun;
+use crate::objects::LineageId;
+
+/// A lineage as a figure calls it: its method against its ego, and which repetition it is where there are several. By its id while the run
+/// is unfinished.
+pub fn called(recorded: &RecordedRun, lineage: &LineageId) -> String {
+    let Some(result) = recorded.result_of(lineage) else { return lineage.to_string() };
+    let method = match recorded.rounds.is_empty() {
+        true => labels::method_label(recorded, result),
+        false => archives::method_label(recorded, result),
+    };
+    let repeats = recorded.result.iter().flat_map(|all| &all.lineages).filter(|of| of.group == result.group).count();
+    let which = if repeats > 1 { format!(", search {} of {repeats}", result.replica + 1) } else { String::new() };
+    format!("{method} against {}{which}", labels::policy(recorded, &result.ego))
+}

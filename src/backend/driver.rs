@@ -126,6 +126,7 @@ impl DriverOptions {
                 workers: self.processes,
                 seconds: self.timeout_s,
                 retries: 0,
+                rollouts: None,
             },
         })
     }

@@ -5,8 +5,11 @@ use super::error::{BackendError, NoOutcome};
 use crate::ego::Policy;
 use crate::sim::{Action, ActorRef, Intervention, Plant, ReportedRollout, tell};
 
-/// The intervention with every reacting action in place of which stand its samples.
-pub(super) fn lowered(plant: &Plant, intervention: &Intervention, ego: &Policy) -> Result<Intervention, NoOutcome> {
+/// The intervention with every reacting action in place of which stand its samples: what another simulator is commanded.
+///
+/// # Errors
+/// A staged scene, which only our own simulator plays, or one that it cannot play.
+pub fn lowered(plant: &Plant, intervention: &Intervention, ego: &Policy) -> Result<Intervention, NoOutcome> {
     unstaged(plant, intervention)?;
     if !intervention.actions.iter().any(reacts) {
         return Ok(intervention.clone());

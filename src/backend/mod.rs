@@ -24,6 +24,7 @@ pub use answer::{Answer, is_abandoned};
 pub use cassette::{Header, Recorded, RolloutCassette, RolloutCassetteError};
 pub use driver::DriverOptions;
 pub use error::{BackendError, Fault, Miss, NoOutcome, is_too_slow};
+pub use lower::lowered;
 pub use planners::Planners;
 pub use record::Recorder;
 pub use replay::Replay;

@@ -59,7 +59,7 @@ pub fn serve(line: &[u8]) -> Result<Served, String> {
 }
 
 fn played(asked: Asked) -> Result<Answer, String> {
-    let Asked { scene, first_step, steps, ego, adversaries, mut options, .. } = asked;
+    let Asked { mut scene, first_step, steps, ego, adversaries, mut options, .. } = asked;
     let law = options.remove("plant").ok_or("options need `plant`, the law of docs/PLANT.md")?;
     if let Some(other) = options.keys().next() {
         return Err(format!("option `{other}` is unknown; there is `plant`"));
@@ -68,29 +68,40 @@ fn played(asked: Asked) -> Result<Answer, String> {
     let simulator = SimulatorOptions { plant, ..SimulatorOptions::SHIPPED };
     simulator.check().map_err(|error| error.to_string())?;
     let policy: Policy = ego.parse().map_err(|error: crate::ego::policy::PolicyError| error.to_string())?;
+    let carried_out = |of| action(of, &mut scene, first_step);
+    let actions = adversaries.into_iter().map(carried_out).collect::<Result<_, String>>()?;
     let scene = PreparedScene::new(Arc::new(scene));
     let plant = Plant::with_options(scene, &simulator).map_err(|error| error.to_string())?;
     if (plant.first_step(), plant.steps()) != (first_step, steps) {
         return Err(format!("the scene has {} steps from {} on", plant.steps(), plant.first_step()));
     }
-    let actions = adversaries.into_iter().map(|of| action(of, first_step)).collect::<Result<_, String>>()?;
     let rollout =
         tell(&plant, &Intervention { actions }, policy.driver().as_mut()).map_err(|error| error.to_string())?;
     Ok(Answer::ReportedRollout(rollout))
 }
 
-/// The action that carries a command out.
-fn action(commanded: Commanded, first_step: usize) -> Result<Action, String> {
+/// The action that carries a command out. A recorded road user may be away for a while: what it is commanded before it comes back then
+/// takes the place of its recording, which an action leaves as it is up to its first step.
+fn action(commanded: Commanded, scene: &mut Scene, first_step: usize) -> Result<Action, String> {
     let Commanded { who, kind, length_m, width_m, samples } = commanded;
-    let from = samples.iter().position(Option::is_some).ok_or_else(|| format!("{who:?} has no sample"))?;
-    let until = samples.iter().rposition(Option::is_some).unwrap_or(from);
-    let samples: Vec<Sample> = samples[from..=until].iter().map_while(|sample| *sample).collect();
-    if samples.len() != until + 1 - from {
-        return Err(format!("{who:?} is away between two samples, which no action of ours can say"));
-    }
+    let until = samples.iter().rposition(Option::is_some).ok_or_else(|| format!("{who:?} has no sample"))?;
+    let from = samples[..until].iter().rposition(Option::is_none).map_or(0, |away| away + 1);
+    let away_between = samples[..from].iter().any(Option::is_some);
+    let driven: Vec<Sample> = samples[from..=until].iter().flatten().copied().collect();
     let from_step = first_step + from;
-    Ok(match who {
-        ActorRef::Track(track) => Action::Follow { track, from_step, samples },
-        ActorRef::Inserted(_) => Action::Insert { kind, length_m, width_m, from_step, samples },
-    })
+    match who {
+        ActorRef::Track(track) => {
+            let tracks = scene.tracks.len();
+            let recorded = scene.tracks.get_mut(track).ok_or_else(|| format!("track {track} of {tracks}"))?;
+            if away_between {
+                recorded.samples.truncate(first_step);
+                recorded.samples.extend_from_slice(&samples);
+            }
+            Ok(Action::Follow { track, from_step, samples: driven })
+        }
+        ActorRef::Inserted(_) if away_between => {
+            Err(format!("{who:?} is away between two samples, which no action of ours can say"))
+        }
+        ActorRef::Inserted(_) => Ok(Action::Insert { kind, length_m, width_m, from_step, samples: driven }),
+    }
 }

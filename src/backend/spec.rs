@@ -53,6 +53,9 @@ pub struct WorkerOptions {
     pub seconds: f64,
     /// How often a request is sent again after a worker ended or was too slow.
     pub retries: u32,
+    /// After how many rollouts a process is replaced by a new one, for a simulator that keeps memory; never without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rollouts: Option<u32>,
 }
 
 impl BackendOptions {
@@ -82,13 +85,13 @@ impl BackendOptions {
 
     /// The same backend without the parts that change no answer.
     pub fn content(&self) -> BackendOptions {
-        let worker = WorkerOptions { command: Vec::new(), workers: 1, seconds: 1.0, retries: 0 };
+        let worker = WorkerOptions { command: Vec::new(), workers: 1, seconds: 1.0, retries: 0, rollouts: None };
         BackendOptions { cassette: PathBuf::new(), worker, ..self.clone() }
     }
 
     /// The first field that is out of bounds: its name, what was found and what is expected.
     pub fn fault(&self) -> Option<(String, String, &'static str)> {
-        let WorkerOptions { command, workers, seconds, retries } = &self.worker;
+        let WorkerOptions { command, workers, seconds, retries, rollouts } = &self.worker;
         let word = |text: &str| (1..=64).contains(&text.chars().count());
         if !word(&self.name) || self.name == OWN {
             return Some((
@@ -109,6 +112,13 @@ impl BackendOptions {
         // NaN lies in no range.
         if !(0.1..=86_400.0).contains(seconds) {
             return Some(("worker.seconds".into(), seconds.to_string(), "0.1 to 86400"));
+        }
+        if *rollouts == Some(0) {
+            return Some((
+                "worker.rollouts".into(),
+                "0".into(),
+                "1 or more; leave it out for a worker that is never replaced",
+            ));
         }
         (*retries > 10).then(|| ("worker.retries".into(), retries.to_string(), "0 to 10"))
     }

@@ -58,7 +58,7 @@ fn own(law: &str, retries: u32) -> BackendOptions {
         options: BTreeMap::from([("plant".to_string(), law.into())]),
         plan_around: PlanAround::Backend,
         cassette: "rollouts.jsonl".into(),
-        worker: WorkerOptions { command: vec!["own".into()], workers: 2, seconds: 1.0, retries },
+        worker: WorkerOptions { command: vec!["own".into()], workers: 2, seconds: 1.0, retries, rollouts: None },
     }
 }
 
@@ -123,6 +123,46 @@ fn adversaries_that_react_are_commanded_what_they_did_against_our_own_ego() {
         [&act, &lowered].map(|act| rollout_assessed(&plant, act, Policy::Idm.driver().as_mut())).into();
     let (reacting, commanded) = (reacting.unwrap(), commanded.unwrap());
     assert_eq!((reacting.end, reacting.steps), (commanded.end, commanded.steps));
+}
+
+#[test]
+fn a_worker_is_replaced_after_as_many_rollouts_as_declared() {
+    let started = |rollouts: Option<u32>| {
+        let mut options = own("physical", 0);
+        (options.worker.workers, options.worker.rollouts) = (1, rollouts);
+        let start = Fake(|line: &str, _| honest(line), Mutex::new(0));
+        {
+            let answers = Asking(Workers::new(&options, &start));
+            let backend = Backend::Other { options: &options, answers: &answers };
+            for seed in 0..7 {
+                let scene = crossing(seed, 5, 91);
+                let plant = plant(&scene, PlantOptions::PHYSICAL);
+                let drawn = (Seed(1), Under::Plain);
+                backend.rollout(&plant, &Intervention::default(), &Policy::Idm, drawn).unwrap();
+            }
+        }
+        let started = *start.1.lock().unwrap();
+        started
+    };
+    assert_eq!([None, Some(3), Some(7), Some(1)].map(started), [1, 3, 1, 7]);
+}
+
+#[test]
+fn a_road_user_that_is_away_for_a_while_is_served_as_it_was_commanded() {
+    let scene = crossing(4, 12, 91);
+    let plant = plant(&scene, PlantOptions::PHYSICAL);
+    let act = intercept(&scene, 5);
+    let options = own("physical", 0);
+    let request = Request::new(&options, &plant, &act, &Policy::Idm, (Seed(1), Under::Plain)).unwrap();
+    let mut line: serde_json::Value = serde_json::from_str(&request.line()).unwrap();
+    for k in 2..4 {
+        line["adversaries"][0]["samples"][k] = serde_json::Value::Null;
+    }
+    let said = serve(line.to_string().as_bytes()).unwrap();
+    let said: serde_json::Value = serde_json::from_slice(&said).unwrap();
+    assert!(said.get("failure").is_none(), "{said}");
+    let there = |k: usize| !said["road_users"][0]["poses"][k].is_null();
+    assert_eq!([0, 1, 2, 3, 4].map(there), [true, true, false, false, true]);
 }
 
 /// What is said when a worker answers so.

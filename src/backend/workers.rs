@@ -81,6 +81,8 @@ struct HelloLine {
 struct Worker {
     line: Box<dyn Line>,
     egos: Vec<String>,
+    /// Rollouts that it has answered.
+    answered: u32,
 }
 
 /// The workers of a backend.
@@ -113,8 +115,10 @@ impl<'a> Workers<'a> {
         loop {
             let mut worker = self.crew.take(|| self.greeted())?;
             let said = self.exchange(&mut worker, request);
+            worker.answered += 1;
+            let is_spent = self.backend.worker.rollouts.is_some_and(|most| worker.answered >= most);
             let lost = matches!(said, Err(Lost::Broken(_)));
-            self.crew.give_back((!lost).then_some(worker));
+            self.crew.give_back((!lost && !is_spent).then_some(worker));
             match said {
                 Ok(answer) => return Ok(answer),
                 Err(Lost::Broken(Broken::Ended | Broken::Late)) if left > 0 => left -= 1,
@@ -195,7 +199,7 @@ impl<'a> Workers<'a> {
             ("digest", options.digest.to_hex(), text(hello.digest.map(|digest| digest.to_hex()))),
         ];
         match fields.into_iter().find(|(_, expected, found)| expected != found) {
-            None => Ok(Worker { line, egos: hello.egos }),
+            None => Ok(Worker { line, egos: hello.egos, answered: 0 }),
             Some((field, expected, found)) => {
                 Err(self.fault(GREETING, format!("{field} {expected}"), shortened(&found), declared))
             }

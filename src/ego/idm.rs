@@ -126,8 +126,9 @@ impl Driver for IdmDriver {
         let front = self.front(view);
         let target_kmph = free_speed_kmph(view, &ego);
         let throttle = idm::throttle(ego.speed_mps, ego.sample.velocity, ego.axis, target_kmph, front.as_ref());
+        let limits = view.plant().limits().at_step(view.decision());
         Control::Drive {
-            acceleration_mps2: idm::acceleration_mps2(throttle, view.plant().limits()),
+            acceleration_mps2: idm::acceleration_mps2(throttle, &limits),
             steering_rad: self.steering_rad(view, &ego),
         }
     }

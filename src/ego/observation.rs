@@ -79,9 +79,9 @@ impl Setting {
         let [steering, pedal] = action.map(|a| f64::from(a).clamp(-1.0, 1.0));
         match self {
             Setting::Metadrive1 => {
-                let limits = view.plant().limits();
+                let limits = view.plant().limits().at_step(view.decision());
                 Control::Drive {
-                    acceleration_mps2: idm::acceleration_mps2(pedal, limits),
+                    acceleration_mps2: idm::acceleration_mps2(pedal, &limits),
                     steering_rad: steering * limits.steering_rad,
                 }
             }

@@ -13,16 +13,16 @@ pub use accounts::{
 pub use encounters::{ContactClass, Side, Striker, assess, gaps, lateness_s, meeting};
 pub use prepared::{
     Along, AvoidanceOptions, EgoBox, FollowerStart, Obstacle, Path, Plant, PlantOptions, SimError, SimulatorOptions,
-    SimulatorOptionsError, Size, body, drivable, error, options, path, plant, plant_options,
+    SimulatorOptionsError, Size, TrafficBoxes, body, drivable, error, options, path, plant, plant_options,
 };
 pub use road_users::{
     Action, ActorRef, Control, Driver, EgoState, Intervention, Law, Observed, Phase, Script, Seen, Speed, Trigger,
     Until, View, Way, bicycle, driver, idm, intervention, law, script, skills,
 };
 pub use rollouts::{
-    Episode, Held, Part, Pose, Repeated, ReportedActor, ReportedContact, ReportedError, ReportedRollout, RolloutCost,
-    adversaries_of, commands, contact_within, ending, judge, reported, rollout, rollout_assessed, rollout_counted,
-    rollout_in_parts, rollout_traced, tell,
+    ContactBoxes, Episode, Held, Part, Pose, Repeated, ReportedActor, ReportedContact, ReportedError, ReportedRollout,
+    RolloutCost, adversaries_of, commands, contact_within, ending, judge, reported, rollout, rollout_assessed,
+    rollout_counted, rollout_in_parts, rollout_traced, tell,
 };
 
 /// Part of every rollout key; rises when any outcome can change.

@@ -7,6 +7,7 @@ use evodrive::{ego, kernel, learn, scene, sim};
 mod archive_hypervolume;
 mod audit;
 mod backends;
+mod before_impact;
 mod best;
 mod blessing;
 mod bundle;

@@ -59,9 +59,9 @@ def _play(env, request: Request) -> dict[str, Any]:
         if contacts.first is None and env.agent.crash_vehicle | env.agent.crash_human | env.agent.crash_object:
             contacts.first = _late_contact(env, contacts, moment)
         if contacts.first is not None:
-            substep, name, row = contacts.first
+            substep, name, row, boxes = contacts.first
             rows.append(row)
-            end, contact = "contact", {"with": _who(name), "step": k, "substep": substep}
+            end, contact = "contact", {"with": _who(name), "step": k, "substep": substep, "boxes": boxes}
             break
         rows.append(moment())
         if info["arrive_dest"] or info["out_of_road"]:
@@ -85,7 +85,10 @@ def _late_contact(env, contacts, moment):
     contacts.touched = []
     for found in nodes.getContacts():
         contacts._note(found.getNode0(), found.getNode1())
-    return (5, min(contacts.touched), moment()) if contacts.touched else None
+    if not contacts.touched:
+        return None
+    name = min(contacts.touched)
+    return 5, name, moment(), contacts.boxes(name)
 
 
 def _who(name: str) -> dict[str, int]:

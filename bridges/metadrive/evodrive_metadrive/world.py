@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from metadrive.component.traffic_participants.pedestrian import Pedestrian
 from metadrive.component.vehicle.vehicle_type import vehicle_class_to_type
 from metadrive.engine.core.collision_callback import collision_callback
 from metadrive.envs import scenario_env
@@ -113,8 +114,28 @@ def own_boxes(scenario: Any) -> None:
             track["metadata"]["spawn_info"] = {"type": (scenario_traffic_manager.__name__, made.__name__)}
 
 
+def box(body: Any) -> list[float]:
+    """Length and width of the shape that Bullet collides, metres. A pedestrian is a cylinder."""
+    if isinstance(body, Pedestrian):
+        return [2.0 * body.RADIUS, 2.0 * body.RADIUS]
+    return [float(body.LENGTH), float(body.WIDTH)]
+
+
+def arriving(before: tuple, after: tuple) -> tuple:
+    """The places of one moment with the velocities of another, of the ego and of everyone else by name."""
+    (ego_before, others_before), (ego, others) = before, after
+    with_velocity = lambda pose, earlier: pose[:3] + earlier[3:]
+    told = {name: with_velocity(pose, others_before.get(name, pose)) for name, pose in others.items()}
+    return with_velocity(ego, ego_before), told
+
+
 class Contacts:
-    """Whom the ego touches, physics step by physics step."""
+    """Whom the ego touches, physics step by physics step.
+
+    Bullet looks for contacts at the beginning of a physics step and changes speeds within it, and Panda shows bodies where they were at
+    its beginning. So the moment of a contact has the places that are seen after the step, in which the boxes met, and the speeds
+    of before it, with which they came there. The speeds after it are those after the impact.
+    """
 
     def __init__(self, env: ScenarioOnlineEnv, moment):
         self.env, self.moment = env, moment
@@ -131,11 +152,13 @@ class Contacts:
 
         def stepped():
             self.touched = []
+            before = self.moment() if self.first is None else None
             step()
             self.substep += 1
             if self.touched and self.first is None:
                 # The lowest name, so that the order of Bullet's pairs decides nothing.
-                self.first = (self.substep, min(self.touched), self.moment())
+                name = min(self.touched)
+                self.first = (self.substep, name, arriving(before, self.moment()), self.boxes(name))
 
         engine.step_physics_world = stepped
 
@@ -150,3 +173,9 @@ class Contacts:
     def begin_step(self) -> None:
         """Before each decision step."""
         self.substep = 0
+
+    def boxes(self, name: str) -> dict[str, list[float]]:
+        """Length and width, metres, of the ego and of a road user as MetaDrive simulates them."""
+        manager = self.env.engine.traffic_manager
+        other = manager.spawned_objects[manager._scenario_id_to_obj_id[name]]
+        return {"ego": box(self.env.agent), "other": box(other)}

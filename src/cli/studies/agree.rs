@@ -5,19 +5,21 @@ use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use crate::backend::{Answers, Backend, NoOutcome, Replay, Under};
+use crate::backend::{Answers, Backend, NoOutcome, Replay, Under, lowered};
 use crate::cli::evolve::behind;
 use crate::cli::records::{folder::RunFolder, run_name::TwoRuns};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::Failure;
 use crate::epoch::{LineageSpec, Player, Study, cluster_of};
 use crate::evidence::RecordedRun;
-use crate::evidence::agreement::{Meeting, Pair, Report, Side, report, text};
+use crate::evidence::agreement::{Meeting, Pair, Report, Side, Tried, report, text};
 use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
 use crate::objects::{Program, Score};
-use crate::sim::{ActorRef, Contact, Intervention, Outcome, Plant, Trace};
+use crate::sim::{ActorRef, Contact, Intervention, Outcome, Plant, SimulatorOptions, Trace, rollout};
 use crate::text::counted;
+
+use super::plant_changes::{PlantChange, plant_changes};
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -40,7 +42,10 @@ pub fn agreement(first: &Path, second: &Path, threads: &Threads) -> Result<Repor
     let cases = cases(&first, &second);
     progress(format!("{} that both runs labelled", counted(cases.len(), "rollout")));
     let players = [first.player(), second.player()];
-    let played = threads.map(&cases, |_, case| play(&first, &second, &players, case));
+    let own = [&first, &second].into_iter().position(|run| run.study.backend.is_none());
+    let changes = own.map_or(Vec::new(), |own| plant_changes(&[&first, &second][own].study.simulator.plant));
+    let both = Both { runs: [&first, &second], players: &players, own, changes: &changes };
+    let played = threads.map(&cases, |_, case| play(&both, case));
     let (mut pairs, mut left_out) = (Vec::new(), Vec::new());
     for (case, played) in cases.iter().zip(played) {
         match played {
@@ -49,7 +54,8 @@ pub fn agreement(first: &Path, second: &Path, threads: &Threads) -> Result<Repor
         }
     }
     let same_commands = first.plans_around()? == second.plans_around()?;
-    Ok(report([first.backend_name(), second.backend_name()], same_commands, &pairs, left_out))
+    let tried = Tried { own: own.unwrap_or(0), changes: changes.into_iter().map(|change| change.name).collect() };
+    Ok(report([first.backend_name(), second.backend_name()], same_commands, &pairs, &tried, left_out))
 }
 
 /// A finished run with what plays its rollouts again.
@@ -210,19 +216,48 @@ fn cases<'a>(first: &'a Run, second: &'a Run) -> Vec<Case<'a>> {
     cases
 }
 
-fn play(first: &Run, second: &Run, players: &[Player<'_>; 2], case: &Case<'_>) -> Result<Pair, String> {
-    let spec = |run: &Run| run.study.lineages.iter().find(|spec| spec.id == case.spec.id).cloned();
-    let rollout = |run: &Run, player: &Player<'_>| -> Result<(Outcome, Trace), String> {
-        let spec = spec(run).ok_or("the other run has no such lineage")?;
-        let Some(program) = case.program else { return unchanged(run, &spec, case.place) };
-        let traced = player.trace(&spec, program, case.place)?;
-        Ok((traced.record.outcome, traced.motion))
+/// Two runs, and what is tried with the plant of the one that is our own simulator's.
+struct Both<'a> {
+    runs: [&'a Run; 2],
+    players: &'a [Player<'a>; 2],
+    own: Option<usize>,
+    changes: &'a [PlantChange],
+}
+
+/// A rollout of one of them: its outcome and motion, what was commanded, and whether a contact counts as the program's doing.
+struct Played {
+    outcome: Outcome,
+    motion: Trace,
+    intervention: Intervention,
+    brought_about: bool,
+}
+
+fn play(both: &Both<'_>, case: &Case<'_>) -> Result<Pair, String> {
+    let [first, _] = both.runs;
+    let played = |which: usize| -> Result<Played, String> {
+        let run = both.runs[which];
+        let spec = run.study.lineages.iter().find(|spec| spec.id == case.spec.id);
+        let spec = spec.ok_or("the other run has no such lineage")?;
+        let Some(program) = case.program else {
+            let (outcome, motion) = unchanged(run, spec, case.place)?;
+            return Ok(Played { outcome, motion, intervention: Intervention::default(), brought_about: false });
+        };
+        let traced = both.players[which].trace(spec, program, case.place)?;
+        let record = traced.record;
+        let met = record.outcome.contact.filter(|contact| contact.adversary && record.intervened);
+        let brought_about = met.is_some_and(|contact| record.meets_anyway != Some(contact.with));
+        let (motion, intervention) = (traced.motion, traced.intervention);
+        Ok(Played { outcome: record.outcome, motion, intervention, brought_about })
     };
-    let (a, b) = (rollout(first, &players[0])?, rollout(second, &players[1])?);
-    let partner_is_there = match (&a.0.contact, &b.0.contact) {
-        (Some(contact), None) => is_there(&b.1, contact),
-        (None, Some(contact)) => is_there(&a.1, contact),
+    let (a, b) = (played(0)?, played(1)?);
+    let partner_is_there = match (&a.outcome.contact, &b.outcome.contact) {
+        (Some(contact), None) => is_there(&b.motion, contact),
+        (None, Some(contact)) => is_there(&a.motion, contact),
         _ => true,
+    };
+    let changed = match both.own {
+        Some(own) => changed(both, own, case, &[&a, &b][own].intervention)?,
+        None => Vec::new(),
     };
     let name = |actor: ActorRef| match actor {
         ActorRef::Track(track) => first.study.scenes[case.place].scene().tracks[track].id.clone(),
@@ -238,7 +273,23 @@ fn play(first: &Run, second: &Run, players: &[Player<'_>; 2], case: &Case<'_>) -
         a: side(&a, &name),
         b: side(&b, &name),
         partner_is_there,
+        changed,
     })
+}
+
+/// Whether our own simulator says contact under each of the changes, with the commands that both simulators had.
+fn changed(both: &Both<'_>, own: usize, case: &Case<'_>, intervention: &Intervention) -> Result<Vec<bool>, String> {
+    let study = &both.runs[own].study;
+    let prepared = &study.scenes[case.place].prepared;
+    let plant = Plant::with_options(prepared.clone(), &study.simulator).map_err(|error| error.to_string())?;
+    let commanded = lowered(&plant, intervention, &case.spec.ego).map_err(NoOutcome::reason)?;
+    let contact = |change: &PlantChange| {
+        let options = SimulatorOptions { plant: change.plant, ..study.simulator };
+        let plant = Plant::with_options(prepared.clone(), &options)?;
+        let ego = change.ego(&case.spec.ego);
+        rollout(&plant, &commanded, ego.driver().as_mut()).map(|outcome| outcome.contact.is_some())
+    };
+    both.changes.iter().map(|change| contact(change).map_err(|error| error.to_string())).collect()
 }
 
 fn unchanged(run: &Run, spec: &LineageSpec, place: usize) -> Result<(Outcome, Trace), String> {
@@ -248,25 +299,38 @@ fn unchanged(run: &Run, spec: &LineageSpec, place: usize) -> Result<(Outcome, Tr
     played.map_err(NoOutcome::reason)
 }
 
-fn side((outcome, trace): &(Outcome, Trace), name: &dyn Fn(ActorRef) -> String) -> Side {
+fn side(played: &Played, name: &dyn Fn(ActorRef) -> String) -> Side {
+    let Played { outcome, motion: trace, brought_about, .. } = played;
     let meeting = |contact: &Contact| Meeting {
         with: name(contact.with),
         adversary: contact.adversary,
         at_cs: (100.0 * contact.time_s).round() as u32,
+        class: contact.class.name().to_string(),
+        striker: word(&contact.striker),
+        avoidable: contact.avoidable,
+        relative_speed_mps: contact.relative_speed_mps,
     };
+    let could = outcome.contact.is_some_and(|contact| contact.class.could_be_prevented(contact.avoidable));
     // The row of a contact within a step lies at no whole step.
     let rows = trace.ego.len();
     let whole = match &outcome.contact {
         Some(contact) => rows.min((10.0 * contact.time_s + 1e-6) as usize + 1),
         None => rows,
     };
-    let end = serde_json::to_value(outcome.end).ok().and_then(|end| end.as_str().map(str::to_string));
     Side {
         contact: outcome.contact.as_ref().map(meeting),
-        end: end.unwrap_or_default(),
+        end: word(&outcome.end),
         ego: trace.ego[..whole].iter().map(|sample| [sample.position.x, sample.position.y]).collect(),
         distance_m_min: outcome.distance_m_min,
+        published: *brought_about,
+        preventable: *brought_about && could,
     }
+}
+
+/// A value that is written as a word.
+fn word(value: &impl serde::Serialize) -> String {
+    let word = serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_string));
+    word.unwrap_or_default()
 }
 
 /// Whether the partner of a contact is on the road in the other rollout at that time.

@@ -15,6 +15,7 @@ pub mod paper;
 mod paper_pages;
 mod paper_runs;
 mod paper_sheets;
+mod plant_changes;
 pub mod program;
 pub mod program_check;
 pub mod program_diff;

@@ -468,7 +468,7 @@ mod tests {
             options: Default::default(),
             plan_around: PlanAround::Evodrive,
             cassette: "none".into(),
-            worker: WorkerOptions { command: vec![], workers: 1, seconds: 1.0, retries: 0 },
+            worker: WorkerOptions { command: vec![], workers: 1, seconds: 1.0, retries: 0, rollouts: None },
         };
         let other = Backend::Other { options: &options, answers: &Repeats };
         let mut differing = 0;

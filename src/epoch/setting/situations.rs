@@ -118,7 +118,7 @@ mod tests {
             options: Default::default(),
             plan_around: PlanAround::Backend,
             cassette: "none".into(),
-            worker: WorkerOptions { command: vec![], workers: 1, seconds: 1.0, retries: 0 },
+            worker: WorkerOptions { command: vec![], workers: 1, seconds: 1.0, retries: 0, rollouts: None },
         };
         let repeats = Repeats(AtomicUsize::new(0));
         let other = Backend::Other { options: &options, answers: &repeats };

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::disagreement::{self, Disagreement};
-use super::pair::{Meeting, Pair};
+use super::pair::{Meeting, Pair, Tried};
 use crate::kernel::Seed;
 
 /// Seconds before the contact at which the egos are compared.
@@ -75,6 +75,36 @@ pub struct Agreement {
     pub contact_time_apart_s: Option<f64>,
     /// One for each of [`BEFORE_S`].
     pub ego_apart: Vec<EgoApart>,
+    pub labels: LabelAgreement,
+}
+
+/// What a row says of the labels that a search maximises.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LabelAgreement {
+    /// Of all rollouts: contacts that the program brought about, as published work counts them.
+    pub published: Judged,
+    /// Of all rollouts: those of them that a careful ego could have prevented.
+    pub preventable: Judged,
+    /// Contacts in both with the same road user: what follows is counted over them.
+    pub contacts: usize,
+    pub same_class: usize,
+    pub same_striker: usize,
+    /// Contacts of which both say whether they were avoidable, and those of which both say the same.
+    pub assessed: usize,
+    pub same_avoidability: usize,
+    /// Relative speed in the second less that in the first: median, and median of its size, m/s.
+    pub relative_speed_more_mps: Option<f64>,
+    pub relative_speed_apart_mps: Option<f64>,
+}
+
+/// A yes or no of two judges.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Judged {
+    /// Yes in both, in the first alone, in the second alone, in neither.
+    pub confusion: [usize; 4],
+    pub agreement: Interval,
+    /// Cohen's kappa; `None` where one of them always says the same.
+    pub kappa: Option<Interval>,
 }
 
 /// Everything that is said about two runs.
@@ -87,12 +117,35 @@ pub struct Report {
     /// All rollouts first, then row by row.
     pub rows: Vec<Agreement>,
     pub disagreements: Vec<Disagreement>,
+    /// What one option of our plant has to do with the disagreements; nothing where neither simulator is ours.
+    pub changes: Vec<Change>,
     /// Rollouts that one of them could not play, with the reason.
     pub left_out: Vec<String>,
 }
 
+/// All rollouts with one option of our plant changed, the commands unchanged.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Change {
+    /// The option and what became of it.
+    pub change: String,
+    /// Disagreements about contact that are none any more, and rollouts that disagree only then.
+    pub mended: usize,
+    pub broken: usize,
+    /// Contact in both, in the first alone, in the second alone, in neither.
+    pub confusion: [usize; 4],
+    /// Share of rollouts about which both say the same, and Cohen's kappa.
+    pub agreement: f64,
+    pub kappa: Option<f64>,
+}
+
 /// Counts. `pairs` stand in the order in which they are listed.
-pub fn report(backends: [String; 2], same_commands: bool, pairs: &[Pair], left_out: Vec<String>) -> Report {
+pub fn report(
+    backends: [String; 2],
+    same_commands: bool,
+    pairs: &[Pair],
+    tried: &Tried,
+    left_out: Vec<String>,
+) -> Report {
     let started = || pairs.iter().filter(|pair| !pair.proposed);
     let program = |pair: &&Pair| Some(pair.program.clone());
     let mut rows = vec![agreement((Of::All, "all"), &started().collect::<Vec<_>>())];
@@ -100,8 +153,25 @@ pub fn report(backends: [String; 2], same_commands: bool, pairs: &[Pair], left_o
     rows.extend(grouped(Of::Family, started(), |pair| pair.family.clone()));
     rows.extend(grouped(Of::Cluster, started(), |pair| Some(pair.cluster.clone())));
     rows.extend(grouped(Of::Proposal, pairs.iter().filter(|pair| pair.proposed), program));
-    let disagreements = pairs.iter().filter_map(disagreement::of).collect();
-    Report { backends, same_commands, rows, disagreements, left_out }
+    let disagreements = pairs.iter().filter_map(|pair| disagreement::of(pair, tried)).collect();
+    let all: Vec<&Pair> = started().collect();
+    let changes = tried.changes.iter().enumerate().map(|(i, change)| changed(&all, tried.own, (i, change))).collect();
+    Report { backends, same_commands, rows, disagreements, changes, left_out }
+}
+
+/// The rollouts with the i-th change.
+fn changed(pairs: &[&Pair], own: usize, (i, change): (usize, &str)) -> Change {
+    let (mut confusion, mut mended, mut broken) = ([0; 4], 0, 0);
+    for pair in pairs {
+        let Some(&contact) = pair.changed.get(i) else { continue };
+        let (a, b) = (pair.a.contact.is_some(), pair.b.contact.is_some());
+        let (a, b) = if own == 0 { (contact, b) } else { (a, contact) };
+        confusion[place((a, b))] += 1;
+        mended += usize::from(a == b && !pair.agrees());
+        broken += usize::from(a != b && pair.agrees());
+    }
+    let agreement = share(confusion).unwrap_or(1.0);
+    Change { change: change.to_string(), mended, broken, confusion, agreement, kappa: kappa(confusion) }
 }
 
 /// A row for each name, in the order in which names come up.
@@ -121,7 +191,6 @@ fn grouped<'p>(
 }
 
 fn agreement((of, row): (Of, &str), pairs: &[&Pair]) -> Agreement {
-    let confusion = confusion(pairs);
     let met = pairs.iter().filter_map(|pair| Some((pair.a.contact.as_ref()?, pair.b.contact.as_ref()?)));
     let met: Vec<(&Meeting, &Meeting)> = met.collect();
     let apart = met.iter().map(|(a, b)| (a.time_s() - b.time_s()).abs()).collect();
@@ -132,38 +201,71 @@ fn agreement((of, row): (Of, &str), pairs: &[&Pair]) -> Agreement {
         let p90_m = distances.get((9 * distances.len()).div_ceil(10).saturating_sub(1)).copied();
         EgoApart { before_s, rollouts: distances.len(), p90_m, median_m: median(distances) }
     };
-    let resampled = resampled(&format!("{}{row}", of.prefix()), pairs);
+    let name = format!("{}{row}", of.prefix());
+    let contact = judged(&name, pairs, |pair| (pair.a.contact.is_some(), pair.b.contact.is_some()));
+    Agreement {
+        of,
+        row: row.to_string(),
+        rollouts: pairs.len(),
+        confusion: contact.confusion,
+        agreement: contact.agreement,
+        kappa: contact.kappa,
+        same_partner: met.iter().filter(|(a, b)| a.with == b.with).count(),
+        contact_time_apart_s: median(apart),
+        ego_apart: BEFORE_S.into_iter().map(before).collect(),
+        labels: labels(&name, pairs, &met),
+    }
+}
+
+fn labels(row: &str, pairs: &[&Pair], met: &[(&Meeting, &Meeting)]) -> LabelAgreement {
+    let met: Vec<(&Meeting, &Meeting)> = met.iter().filter(|(a, b)| a.with == b.with).copied().collect();
+    let count = |same: &dyn Fn(&Meeting, &Meeting) -> bool| met.iter().filter(|(a, b)| same(a, b)).count();
+    let assessed = |a: &Meeting, b: &Meeting| a.avoidable.is_some() && b.avoidable.is_some();
+    let more: Vec<f64> = met.iter().map(|(a, b)| b.relative_speed_mps - a.relative_speed_mps).collect();
+    LabelAgreement {
+        published: judged(row, pairs, |pair| (pair.a.published, pair.b.published)),
+        preventable: judged(row, pairs, |pair| (pair.a.preventable, pair.b.preventable)),
+        contacts: met.len(),
+        same_class: count(&|a, b| a.class == b.class),
+        same_striker: count(&|a, b| a.striker == b.striker),
+        assessed: count(&assessed),
+        same_avoidability: count(&|a, b| assessed(a, b) && a.avoidable == b.avoidable),
+        relative_speed_apart_mps: median(more.iter().map(|more| more.abs()).collect()),
+        relative_speed_more_mps: median(more),
+    }
+}
+
+/// What two simulators say of the same yes or no, with intervals.
+fn judged(row: &str, pairs: &[&Pair], said: impl Fn(&Pair) -> (bool, bool)) -> Judged {
+    let confusion = confusion(pairs, &said);
+    let resampled = resampled(row, pairs, &said);
     let interval = |value: f64, of: &dyn Fn([usize; 4]) -> Option<f64>| {
         let mut drawn: Vec<f64> = resampled.iter().filter_map(|confusion| of(*confusion)).collect();
         drawn.sort_by(f64::total_cmp);
         let at = |share: f64| drawn.get((share * (drawn.len().max(1) - 1) as f64).round() as usize).copied();
         Interval { value, low: at(0.025).unwrap_or(value), high: at(0.975).unwrap_or(value) }
     };
-    Agreement {
-        of,
-        row: row.to_string(),
-        rollouts: pairs.len(),
+    Judged {
         confusion,
         agreement: interval(share(confusion).unwrap_or(1.0), &share),
         kappa: kappa(confusion).map(|value| interval(value, &kappa)),
-        same_partner: met.iter().filter(|(a, b)| a.with == b.with).count(),
-        contact_time_apart_s: median(apart),
-        ego_apart: BEFORE_S.into_iter().map(before).collect(),
     }
 }
 
-fn confusion(pairs: &[&Pair]) -> [usize; 4] {
+fn confusion(pairs: &[&Pair], said: &impl Fn(&Pair) -> (bool, bool)) -> [usize; 4] {
     let mut counts = [0; 4];
-    for pair in pairs {
-        let place = match (pair.a.contact.is_some(), pair.b.contact.is_some()) {
-            (true, true) => 0,
-            (true, false) => 1,
-            (false, true) => 2,
-            (false, false) => 3,
-        };
-        counts[place] += 1;
-    }
+    pairs.iter().for_each(|pair| counts[place(said(pair))] += 1);
     counts
+}
+
+/// The place in a confusion of what two judges say.
+fn place(said: (bool, bool)) -> usize {
+    match said {
+        (true, true) => 0,
+        (true, false) => 1,
+        (false, true) => 2,
+        (false, false) => 3,
+    }
 }
 
 fn share([both, first, second, neither]: [usize; 4]) -> Option<f64> {
@@ -183,11 +285,12 @@ pub fn kappa(counts: [usize; 4]) -> Option<f64> {
 }
 
 /// Confusions of scenes drawn with replacement. Rollouts of one scene are drawn together: they resemble each other.
-fn resampled(row: &str, pairs: &[&Pair]) -> Vec<[usize; 4]> {
+fn resampled(row: &str, pairs: &[&Pair], said: &impl Fn(&Pair) -> (bool, bool)) -> Vec<[usize; 4]> {
     let mut scenes: Vec<&str> = pairs.iter().map(|pair| pair.scene.as_str()).collect();
     scenes.sort_unstable();
     scenes.dedup();
-    let of = |scene: &&str| confusion(&pairs.iter().filter(|pair| pair.scene == **scene).copied().collect::<Vec<_>>());
+    let of =
+        |scene: &&str| confusion(&pairs.iter().filter(|pair| pair.scene == **scene).copied().collect::<Vec<_>>(), said);
     let counts: Vec<[usize; 4]> = scenes.iter().map(of).collect();
     let mut stream = Seed(1).stream(&["agreement", row]);
     let mut draw = || {

@@ -1,8 +1,8 @@
-//! Why two simulators disagree about a contact, as far as their rollouts tell.
+//! Why two simulators disagree about a contact: what their rollouts show, and which change of our plant mends it.
 
 use serde::Serialize;
 
-use super::pair::{Meeting, Pair};
+use super::pair::{Meeting, Pair, Tried};
 
 /// Nearer than this a rollout without contact missed it by a hand, metres.
 const NEAR_M: f64 = 0.3;
@@ -44,6 +44,8 @@ pub struct Disagreement {
     /// Distance of the egos at the time of the contact, m.
     pub ego_apart_m: Option<f64>,
     pub cause: Cause,
+    /// The changes of our plant under which both say the same, by name.
+    pub mended_by: Vec<String>,
 }
 
 /// The class of a disagreement.
@@ -64,13 +66,20 @@ pub fn cause(pair: &Pair) -> Option<Cause> {
     })
 }
 
+fn mended_by(pair: &Pair, tried: &Tried) -> Vec<String> {
+    let other = if tried.own == 0 { &pair.b } else { &pair.a };
+    let mends = |contact: &bool| *contact == other.contact.is_some();
+    let named = pair.changed.iter().zip(&tried.changes);
+    named.filter(|(contact, _)| mends(contact)).map(|(_, change)| change.clone()).collect()
+}
+
 /// Distance of the egos at the last whole step before a contact: the rollout with the contact may end within the step.
 fn apart_m(pair: &Pair, met: &Meeting) -> Option<f64> {
     pair.ego_apart_m(f64::from(met.at_cs / 10) / 10.0)
 }
 
 /// The disagreement of a pair, if it is one.
-pub(super) fn of(pair: &Pair) -> Option<Disagreement> {
+pub(super) fn of(pair: &Pair, tried: &Tried) -> Option<Disagreement> {
     let cause = cause(pair)?;
     let (contact_in, met, other) = match &pair.a.contact {
         Some(met) => ("first", met, &pair.b),
@@ -86,5 +95,6 @@ pub(super) fn of(pair: &Pair) -> Option<Disagreement> {
         other_distance_m_min: other.distance_m_min,
         ego_apart_m: apart_m(pair, met),
         cause,
+        mended_by: mended_by(pair, tried),
     })
 }

@@ -1,5 +1,5 @@
 //! How far two simulators agree about the same rollouts: whether the ego meets a road user, which one, when, and where it was
-//! before. Pure counting over pairs of rollouts; who plays them is `cli::studies::agree`'s business.
+//! before, and whether the labels that a search maximises are the same. Pure counting over pairs of rollouts; who plays them is `cli::studies::agree`'s business.
 
 mod count;
 mod disagreement;
@@ -7,7 +7,7 @@ mod pair;
 mod text;
 
 pub use count::{Report, report};
-pub use pair::{Meeting, Pair, Side};
+pub use pair::{Meeting, Pair, Side, Tried};
 pub use text::text;
 
 #[cfg(test)]

@@ -14,16 +14,26 @@ pub struct Side {
     pub ego: Vec<[f64; 2]>,
     /// Smallest distance of the ego to an adversary, or to anyone where there is none, metres.
     pub distance_m_min: Option<f64>,
+    /// Whether it is a success of the program as published work counts it: a contact that the program brought about.
+    pub published: bool,
+    /// Whether it is one that a careful ego could have prevented.
+    pub preventable: bool,
 }
 
 /// The road user that the ego met.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Meeting {
     /// Name of the other road user.
     pub with: String,
     pub adversary: bool,
     /// In hundredths of a second after the start: physics steps are 0.02 s.
     pub at_cs: u32,
+    /// Class of the contact and who struck, in a word each.
+    pub class: String,
+    pub striker: String,
+    /// Whether the ego could have avoided it; `None` where nobody asks (contacts with others than adversaries).
+    pub avoidable: Option<bool>,
+    pub relative_speed_mps: f64,
 }
 
 impl Meeting {
@@ -49,9 +59,24 @@ pub struct Pair {
     pub b: Side,
     /// Whether the partner of the one contact is on the road at that time in the rollout without it.
     pub partner_is_there: bool,
+    /// Whether our own simulator says contact with one option of its plant changed, the commands unchanged: one for each of the changes
+    /// that a report names. Nothing where neither simulator is ours.
+    pub changed: Vec<bool>,
+}
+
+/// What was tried with our own simulator's plant: the changes by name, and which of the two simulators is ours (0 or 1).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tried {
+    pub own: usize,
+    pub changes: Vec<String>,
 }
 
 impl Pair {
+    /// Whether both say the same about contact.
+    pub fn agrees(&self) -> bool {
+        self.a.contact.is_some() == self.b.contact.is_some()
+    }
+
     /// Distance of the two egos at a time, metres; `None` after the end of either rollout.
     pub fn ego_apart_m(&self, seconds: f64) -> Option<f64> {
         let step = (10.0 * seconds).round();

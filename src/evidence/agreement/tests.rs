@@ -5,8 +5,23 @@ use super::disagreement::{Cause, cause};
 use super::*;
 
 fn side(contact: Option<(&str, u32)>, x: f64) -> Side {
-    let contact = contact.map(|(with, at_cs)| Meeting { with: with.into(), adversary: true, at_cs });
-    Side { contact, end: "horizon".into(), ego: (0..80).map(|k| [k as f64, x]).collect(), distance_m_min: Some(2.0) }
+    let contact = contact.map(|(with, at_cs)| Meeting {
+        with: with.into(),
+        adversary: true,
+        at_cs,
+        class: "crossing".into(),
+        striker: "ego".into(),
+        avoidable: Some(true),
+        relative_speed_mps: 5.0,
+    });
+    Side {
+        published: contact.is_some(),
+        preventable: contact.is_some(),
+        contact,
+        end: "horizon".into(),
+        ego: (0..80).map(|k| [k as f64, x]).collect(),
+        distance_m_min: Some(2.0),
+    }
 }
 
 fn pair(scene: usize, a: Option<(&str, u32)>, b: Option<(&str, u32)>, apart: f64) -> Pair {
@@ -20,7 +35,12 @@ fn pair(scene: usize, a: Option<(&str, u32)>, b: Option<(&str, u32)>, apart: f64
         a: side(a, 0.0),
         b: side(b, apart),
         partner_is_there: true,
+        changed: vec![],
     }
+}
+
+fn counted(pairs: &[Pair]) -> Report {
+    report(["x".into(), "y".into()], true, pairs, &Tried::default(), vec![])
 }
 
 #[test]
@@ -40,7 +60,7 @@ fn rows_count_contacts_partners_times_and_egos() {
         pair(2, Some(("a", 400)), None, 3.0),
         pair(3, None, None, 9.0),
     ];
-    let report = report(["x".into(), "y".into()], true, &pairs, vec![]);
+    let report = counted(&pairs);
     let all = &report.rows[0];
     assert_eq!((all.confusion, all.rollouts, all.same_partner), ([2, 1, 0, 1], 4, 1));
     assert!((all.agreement.value - 0.75).abs() < 1e-12 && all.agreement.low < 0.75);
@@ -70,11 +90,11 @@ fn rows_count_contacts_partners_times_and_egos() {
 #[test]
 fn a_proposal_moves_no_row_but_its_own() {
     let mut pairs = vec![pair(0, Some(("a", 400)), Some(("a", 400)), 0.0), pair(2, None, None, 0.0)];
-    let before = report(["x".into(), "y".into()], true, &pairs, vec![]);
+    let before = counted(&pairs);
     let mut child = pair(2, Some(("a", 400)), None, 0.0);
     (child.program, child.proposed) = ("cat/e0s0".into(), true);
     pairs.push(child);
-    let after = report(["x".into(), "y".into()], true, &pairs, vec![]);
+    let after = counted(&pairs);
     assert_eq!(after.rows[..before.rows.len()], before.rows);
     let own: Vec<_> = after.rows[before.rows.len()..].iter().map(|row| (row.of, row.row.as_str())).collect();
     assert_eq!(own, [(Of::Proposal, "cat/e0s0")]);
@@ -83,7 +103,8 @@ fn a_proposal_moves_no_row_but_its_own() {
 
 #[test]
 fn runs_that_plan_apart_are_not_called_the_same_rollouts() {
-    let says = |same| text(&report(["x".into(), "y".into()], same, &[pair(0, None, None, 0.0)], vec![]));
+    let says =
+        |same| text(&report(["x".into(), "y".into()], same, &[pair(0, None, None, 0.0)], &Tried::default(), vec![]));
     assert!(says(true).contains("the same rollouts in x (first)") && !says(true).contains("commands differ"));
     assert!(says(false).contains("the same programs in x (first)") && says(false).contains("commands differ"));
 }
@@ -102,4 +123,58 @@ fn a_disagreement_has_the_first_cause_that_holds() {
     assert_eq!(one(&|pair| pair.a.ego.truncate(20)), Cause::EndedBefore);
     assert_eq!(one(&|pair| pair.b.contact.as_mut().unwrap().at_cs = 6), Cause::Start);
     assert_eq!(cause(&pair(0, None, None, 0.0)), None);
+}
+
+#[test]
+fn labels_are_compared_beside_contact() {
+    let mut pairs = [
+        pair(0, Some(("a", 400)), Some(("a", 400)), 0.0),
+        pair(1, Some(("a", 400)), Some(("a", 400)), 0.0),
+        // With somebody else: it counts for the attack, not for what kind of contact it is.
+        pair(2, Some(("a", 400)), Some(("b", 400)), 0.0),
+        pair(3, None, None, 0.0),
+    ];
+    let b = |pair: &mut Pair, change: &dyn Fn(&mut Meeting)| change(pair.b.contact.as_mut().unwrap());
+    b(&mut pairs[0], &|met| (met.class, met.relative_speed_mps) = ("sideswipe".into(), 2.0));
+    b(&mut pairs[1], &|met| (met.striker, met.avoidable) = ("other".into(), Some(false)));
+    b(&mut pairs[2], &|met| met.class = "head_on".into());
+    pairs[1].b.preventable = false;
+    pairs[2].a.published = false;
+    let of = counted(&pairs).rows[0].labels.clone();
+    assert_eq!((of.published.confusion, of.preventable.confusion), ([2, 0, 1, 1], [2, 1, 0, 1]));
+    assert!((of.published.agreement.value - 0.75).abs() < 1e-12);
+    assert_eq!((of.contacts, of.same_class, of.same_striker), (2, 1, 1));
+    assert_eq!((of.assessed, of.same_avoidability), (2, 1));
+    assert_eq!((of.relative_speed_more_mps, of.relative_speed_apart_mps), (Some(-1.5), Some(1.5)));
+    pairs[0].b.contact.as_mut().unwrap().avoidable = None;
+    let of = counted(&pairs).rows[0].labels.clone();
+    assert_eq!((of.assessed, of.same_avoidability), (1, 0), "who asks nobody says nothing");
+}
+
+#[test]
+fn a_change_mends_what_disagrees_and_breaks_what_agrees() {
+    let mut pairs = [
+        pair(0, Some(("a", 400)), None, 0.0),
+        pair(1, Some(("a", 400)), None, 0.0),
+        pair(2, None, None, 0.0),
+        pair(3, Some(("a", 400)), Some(("a", 400)), 0.0),
+    ];
+    for (pair, changed) in pairs.iter_mut().zip([[false, true], [false, true], [false, true], [true, true]]) {
+        pair.changed = changed.to_vec();
+    }
+    let tried = Tried { own: 0, changes: vec!["boxes".into(), "brakes".into()] };
+    let with = |own: usize, pairs: &[Pair]| {
+        report(["x".into(), "y".into()], true, pairs, &Tried { own, ..tried.clone() }, vec![])
+    };
+    let ours_first = with(0, &pairs);
+    let counts = |of: &Report| of.changes.iter().map(|one| (one.mended, one.broken, one.confusion)).collect::<Vec<_>>();
+    assert_eq!(counts(&ours_first), [(2, 0, [1, 0, 0, 3]), (0, 1, [1, 3, 0, 0])]);
+    assert_eq!(ours_first.disagreements[0].mended_by, ["boxes"]);
+    assert!(text(&ours_first).contains("| boxes | 2 | 100 | 0 | 100.0 | 1.00 |"), "{}", text(&ours_first));
+    // Where the second is ours, the first is what it is held to.
+    let ours_second = with(1, &pairs);
+    assert_eq!(counts(&ours_second), [(0, 0, [1, 2, 0, 1]), (2, 1, [3, 0, 1, 0])]);
+    assert_eq!(ours_second.disagreements[0].mended_by, ["brakes"]);
+    assert!(with(0, &[pair(0, None, None, 0.0)]).disagreements.is_empty());
+    assert!(!text(&counted(&pairs)).contains("one option changed"), "neither simulator is ours");
 }

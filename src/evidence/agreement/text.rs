@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::count::{Agreement, EgoApart, Interval, Report};
+use super::count::{Agreement, Change, EgoApart, Interval, Judged, Report};
 use super::disagreement::Disagreement;
 
 /// Tables in Markdown, then the disagreements one by one.
@@ -22,6 +22,8 @@ pub fn text(report: &Report) -> String {
     if !report.same_commands {
         out.push_str("Each plans around another drive of the ego, so the commands differ: no disagreement is a simulator's alone.\n");
     }
+    out.push_str(&labels(report));
+    out.push_str(&changes(report));
     let _ = writeln!(out, "\nDisagreements: {}", report.disagreements.len());
     for one in &report.disagreements {
         let _ = writeln!(out, "{}", disagreement(one));
@@ -35,11 +37,78 @@ pub fn text(report: &Report) -> String {
     out
 }
 
+/// The labels that a search maximises, row by row.
+fn labels(report: &Report) -> String {
+    let mut out = String::from(
+        "\nWhat a search maximises, in the first and the second\n\n| rollouts of | published attack | published agreement % | published kappa | \
+         preventable attack | preventable agreement % | preventable kappa | same class | same striker | same avoidability | relative speed more m/s | \
+         apart m/s |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+    );
+    for row in &report.rows {
+        let of = &row.labels;
+        let share = |same: usize, all: usize| if all == 0 { "-".to_string() } else { format!("{same} of {all}") };
+        let speed = |mps: Option<f64>| mps.map_or("-".to_string(), |mps| format!("{mps:.2}"));
+        let _ = writeln!(
+            out,
+            "| {}{} | {} | {} | {} | {} | {} | {} | {} |",
+            row.of.prefix(),
+            row.row,
+            judged(&of.published),
+            judged(&of.preventable),
+            share(of.same_class, of.contacts),
+            share(of.same_striker, of.contacts),
+            share(of.same_avoidability, of.assessed),
+            speed(of.relative_speed_more_mps),
+            speed(of.relative_speed_apart_mps),
+        );
+    }
+    out.push_str(
+        "\nPublished: a contact with an adversary whom the ego does not meet without the program. Preventable: one of these that a careful \
+         ego could have avoided, rams from behind left out. Class, striker, avoidability and relative speed: of the contacts with the \
+         same road user in both; speeds are medians, of the second less the first and of the size of that difference.\n",
+    );
+    out
+}
+
+/// Successes in either, agreement, kappa.
+fn judged(judged: &Judged) -> String {
+    let [both, first, second, _] = judged.confusion;
+    let Interval { value, low, high } = judged.agreement;
+    let (value, low, high) = (100.0 * value, 100.0 * low, 100.0 * high);
+    format!("{}; {} | {value:.1} [{low:.1}, {high:.1}] | {}", both + first, both + second, kappa(judged.kappa))
+}
+
+/// Causes by what mends them.
+fn changes(report: &Report) -> String {
+    let Some(all) = report.rows.first().filter(|_| !report.changes.is_empty()) else { return String::new() };
+    let [_, first, second, _] = all.confusion;
+    let (disagree, agree) = (first + second, all.rollouts - first - second);
+    let mut out = format!(
+        "\nThe same commands in our plant with one option changed: {disagree} disagreements to mend, {agree} rollouts to break\n\n\
+         | changed | mended | mended % | broken | agreement % | kappa |\n|---|---|---|---|---|---|\n"
+    );
+    for Change { change, mended, broken, agreement, kappa, .. } in &report.changes {
+        let kappa = kappa.map_or("-".to_string(), |kappa| format!("{kappa:.2}"));
+        let share = if disagree == 0 { 0.0 } else { 100.0 * *mended as f64 / disagree as f64 };
+        let agreement = 100.0 * agreement;
+        let _ = writeln!(out, "| {change} | {mended} | {share:.0} | {broken} | {agreement:.1} | {kappa} |");
+    }
+    out.push_str(
+        "\nMended: disagreements about contact that are none with this change. Broken: rollouts that disagree only with it. A change that \
+         mends no more than it breaks moves the edge of a contact and is no cause.\n",
+    );
+    out
+}
+
+fn kappa(kappa: Option<Interval>) -> String {
+    kappa.map_or("-".to_string(), |k| format!("{:.2} [{:.2}, {:.2}]", k.value, k.low, k.high))
+}
+
 fn line(row: &Agreement) -> String {
     let [both, first, second, neither] = row.confusion;
     let percent = |x: f64| 100.0 * x;
     let Interval { value, low, high } = row.agreement;
-    let kappa = row.kappa.map_or("-".to_string(), |k| format!("{:.2} [{:.2}, {:.2}]", k.value, k.low, k.high));
+    let kappa = kappa(row.kappa);
     let apart: Vec<String> = row.ego_apart.iter().map(of_n).collect();
     format!(
         "| {}{} | {} | {both} | {first} | {second} | {neither} | {:.1} [{:.1}, {:.1}] | {kappa} | {} | {} | {} |",
@@ -65,8 +134,12 @@ fn of_n(apart: &EgoApart) -> String {
 fn disagreement(one: &Disagreement) -> String {
     let metres = |x: Option<f64>| x.map_or("-".to_string(), |x| format!("{x:.2} m"));
     let cause = serde_json::to_value(one.cause).ok().and_then(|v| v.as_str().map(str::to_string)).unwrap_or_default();
+    let mended = match &one.mended_by[..] {
+        [] => String::new(),
+        changes => format!("; mended by {}", changes.join(", ")),
+    };
     format!(
-        "- {} {} ({}): contact in the {} with {}{} at {:.2} s; the other ended {}, nearest {}, egos {} apart: {cause}",
+        "- {} {} ({}): contact in the {} with {}{} at {:.2} s; the other ended {}, nearest {}, egos {} apart: {cause}{mended}",
         one.program,
         one.scene,
         one.ego,

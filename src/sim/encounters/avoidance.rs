@@ -212,7 +212,7 @@ fn stays_clear(
     for k in from..until.min(plant.steps()) {
         state.wake(k);
         let (acceleration_mps2, steering_rad) = evasion.control(&plant.route, &state.ego, state.car(), k - from);
-        let step = state.drive(acceleration_mps2, steering_rad);
+        let step = state.drive(acceleration_mps2, steering_rad, k);
         state.decide_traffic(k);
         state.plan_others(k);
         while let Some(hit) = state.first_contact(k, &step) {

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::plant_options::PlantOptions;
+use super::plant_options::{Obstacle, PlantOptions, TrafficBoxes};
 use crate::kernel::{Digest, canon::CanonError};
 
 /// The table `[simulator]`.
@@ -35,8 +35,11 @@ impl SimulatorOptions {
         let mut bounds = self.plant.bounds().into_iter().chain(self.avoidance.bounds());
         // NaN lies in no range.
         match bounds.find(|(_, value, low, high)| !(low..=high).contains(&value)) {
+            Some((place, found, low, high)) => Err(SimulatorOptionsError::Bound { place, found, low, high }),
+            None if self.plant.obstacle == Obstacle::Corner && self.plant.traffic_boxes == TrafficBoxes::Recorded => {
+                Err(SimulatorOptionsError::CornersOfRecordedBoxes)
+            }
             None => Ok(()),
-            Some((place, found, low, high)) => Err(SimulatorOptionsError { place, found, low, high }),
         }
     }
 }
@@ -91,14 +94,24 @@ impl AvoidanceOptions {
 
 /// An option that nothing can be simulated with.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("simulator.{place} is {found}, expected {low} to {high}; correct the experiment file")]
-pub struct SimulatorOptionsError {
-    /// The key below `[simulator]`.
-    pub place: &'static str,
-    /// Its value.
-    pub found: f64,
-    /// The lowest value that is allowed.
-    pub low: f64,
-    /// The highest value that is allowed.
-    pub high: f64,
+pub enum SimulatorOptionsError {
+    /// A number beyond its bounds.
+    #[error("simulator.{place} is {found}, expected {low} to {high}; correct the experiment file")]
+    Bound {
+        /// The key below `[simulator]`.
+        place: &'static str,
+        /// Its value.
+        found: f64,
+        /// The lowest value that is allowed.
+        low: f64,
+        /// The highest value that is allowed.
+        high: f64,
+    },
+    /// Corners are looked for in a path that recorded vehicles are wider than.
+    #[error(
+        "simulator.plant.obstacle is \"corner\" while traffic_boxes is \"recorded\", expected the boxes for which MetaDrive has that \
+         test: a recorded vehicle wider than the path (2 m) has no corner in it and would not be seen; write traffic_boxes = \
+         \"metadrive\", or obstacle = \"reaches\""
+    )]
+    CornersOfRecordedBoxes,
 }

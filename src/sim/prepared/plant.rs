@@ -96,7 +96,7 @@ impl Plant {
         check(scene)?;
         let first_step = scene.ego.start_step;
         let steps = scene.steps - 1 - first_step;
-        let size = |t: &Track| Size::new(t.kind, t.length_m, t.width_m);
+        let size = |t: &Track| options.plant.traffic_boxes.size(t.kind, t.length_m, t.width_m);
         let sizes: Vec<Size> = scene.tracks.iter().map(size).collect();
         let rows = Rows::new(scene.clone(), &sizes);
         let refuse = |place: &str, rule| error(scene, place.to_string(), rule);
@@ -209,7 +209,12 @@ impl Plant {
     /// What realism judges, of a motion of a road user of this size, one sample a step.
     pub fn feasibility_of(&self, kind: AgentKind, length_m: f64, width_m: f64, samples: &[Sample]) -> Feasibility {
         let samples: Vec<Option<Sample>> = samples.iter().copied().map(Some).collect();
-        feasibility::of_recording(&self.drivable, &samples, &Size::new(kind, length_m, width_m))
+        feasibility::of_recording(&self.drivable, &samples, &self.size_of(kind, length_m, width_m))
+    }
+
+    /// The box under these rules of a road user of this kind, length and width, metres.
+    pub(in crate::sim) fn size_of(&self, kind: AgentKind, length_m: f64, width_m: f64) -> Size {
+        self.options.plant.traffic_boxes.size(kind, length_m, width_m)
     }
 
     /// Digest of what a rollout replays from this scene.

@@ -3,7 +3,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::sim::road_users::bicycle::{CorneringLoss, DEFAULT_LIMITS, Limits};
+use crate::scene::AgentKind;
+use crate::sim::road_users::bicycle::{CorneringLoss, DEFAULT_LIMITS, Limits, Settling};
+
+use super::body::Size;
 
 /// The key `plant` of `[simulator]`: the name of a preset, or a table with every option.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,6 +28,12 @@ pub struct PlantOptions {
     pub obstacle: Obstacle,
     /// How large the ego is.
     pub ego_box: EgoBox,
+    /// How large everybody else is. Absent from what is written where it is as recorded.
+    #[serde(skip_serializing_if = "TrafficBoxes::is_recorded")]
+    pub traffic_boxes: TrafficBoxes,
+    /// How the ego's car brakes while it settles at the beginning. Absent where it does as ever after.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub settling: Option<Settling>,
 }
 
 /// How fast a recorded vehicle is when it turns reactive.
@@ -60,6 +69,46 @@ pub enum EgoBox {
 /// Length and width of MetaDrive's default car, metres.
 pub const METADRIVE_BOX_M: (f64, f64) = (4.515, 1.852);
 
+/// The boxes of road users besides the ego: for contact, and for what a driver takes for an obstacle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TrafficBoxes {
+    /// As the scene gives them.
+    #[default]
+    Recorded,
+    /// Those that MetaDrive simulates in their place: one of four cars by recorded length, one bicycle, one pedestrian.
+    Metadrive,
+}
+
+/// MetaDrive's cars for traffic (`get_vehicle_type`): the longest recorded length, then length and width of the car, metres.
+const METADRIVE_CARS_M: [(f64, f64, f64); 4] =
+    [(4.0, 4.3, 1.7), (5.2, 4.6, 1.85), (6.2, 4.87, 2.046), (f64::INFINITY, 5.74, 2.3)];
+/// Length and width of its bicycle, metres.
+const METADRIVE_BICYCLE_M: (f64, f64) = (1.75, 0.4);
+/// The same of the square around its pedestrian, a cylinder of radius 0.35 m.
+const METADRIVE_PEDESTRIAN_M: (f64, f64) = (0.7, 0.7);
+
+impl TrafficBoxes {
+    /// The box of a road user of this recorded length and width, metres.
+    pub(in crate::sim) fn size(self, kind: AgentKind, length_m: f64, width_m: f64) -> Size {
+        let car = || {
+            let fits = METADRIVE_CARS_M.iter().find(|(longest_m, ..)| length_m <= *longest_m);
+            fits.map_or((length_m, width_m), |(_, length_m, width_m)| (*length_m, *width_m))
+        };
+        let (length_m, width_m) = match (self, kind) {
+            (TrafficBoxes::Recorded, _) => (length_m, width_m),
+            (TrafficBoxes::Metadrive, AgentKind::Vehicle | AgentKind::Static) => car(),
+            (TrafficBoxes::Metadrive, AgentKind::Cyclist) => METADRIVE_BICYCLE_M,
+            (TrafficBoxes::Metadrive, AgentKind::Pedestrian) => METADRIVE_PEDESTRIAN_M,
+        };
+        Size::new(kind, length_m, width_m)
+    }
+
+    fn is_recorded(&self) -> bool {
+        *self == TrafficBoxes::Recorded
+    }
+}
+
 impl PlantOptions {
     /// What a physicist would sign: tyres that brake and steer with 0.9 g, and lose speed in bends by their slip.
     pub const PHYSICAL: PlantOptions = PlantOptions {
@@ -71,6 +120,8 @@ impl PlantOptions {
         follower_start: FollowerStart::Recorded,
         obstacle: Obstacle::Reaches,
         ego_box: EgoBox::Recorded,
+        traffic_boxes: TrafficBoxes::Recorded,
+        settling: None,
     };
 
     /// MetaDrive 0.4.3 as measured, with its quirks: for comparison with published numbers.
@@ -79,10 +130,12 @@ impl PlantOptions {
         half_brake_mps2: 8.13,
         full_brake_mps2: 11.4,
         grip_mps2: DEFAULT_LIMITS.grip_mps2,
-        cornering_loss: CorneringLoss::Steering { share: 0.77 },
+        cornering_loss: CorneringLoss::Skid { share: 0.19, skid: 0.53, drive: 0.65, holds_mps2: 6.25 },
         follower_start: FollowerStart::Standing,
         obstacle: Obstacle::Corner,
         ego_box: EgoBox::MetadriveDefault,
+        traffic_boxes: TrafficBoxes::Metadrive,
+        settling: Some(Settling { seconds: 0.5, full_brake_mps2: 14.8 }),
     };
 
     /// What a car can do.
@@ -93,23 +146,38 @@ impl PlantOptions {
             brake_mps2: self.full_brake_mps2,
             grip_mps2: self.grip_mps2,
             cornering_loss: self.cornering_loss,
+            settling: self.settling,
             ..DEFAULT_LIMITS
         }
     }
 
     /// The options that have bounds: name, value, lowest and highest.
-    pub(in crate::sim) fn bounds(&self) -> [(&'static str, f64, f64, f64); 5] {
-        let (loss, low, high) = match self.cornering_loss {
-            CorneringLoss::TyreSlip { cornering_coefficient } => (cornering_coefficient, 1.0, 100.0),
-            CorneringLoss::Steering { share } => (share, 0.0, 2.0),
-        };
-        [
+    pub(in crate::sim) fn bounds(&self) -> Vec<(&'static str, f64, f64, f64)> {
+        let mut bounds = vec![
             ("plant.engine_mps2", self.engine_mps2, 0.1, 20.0),
             ("plant.half_brake_mps2", self.half_brake_mps2, 0.1, 20.0),
             ("plant.full_brake_mps2", self.full_brake_mps2, self.half_brake_mps2, 30.0),
             ("plant.grip_mps2", self.grip_mps2, 0.1, 20.0),
-            ("plant.cornering_loss", loss, low, high),
-        ]
+        ];
+        match self.cornering_loss {
+            CorneringLoss::TyreSlip { cornering_coefficient } => {
+                bounds.push(("plant.cornering_loss", cornering_coefficient, 1.0, 100.0));
+            }
+            CorneringLoss::Steering { share } => bounds.push(("plant.cornering_loss", share, 0.0, 2.0)),
+            CorneringLoss::Skid { share, skid, drive, holds_mps2 } => bounds.extend([
+                ("plant.cornering_loss.share", share, 0.0, 2.0),
+                ("plant.cornering_loss.skid", skid, 0.0, 4.0),
+                ("plant.cornering_loss.drive", drive, 0.0, 1.0),
+                ("plant.cornering_loss.holds_mps2", holds_mps2, 0.1, 20.0),
+            ]),
+        }
+        if let Some(Settling { seconds, full_brake_mps2 }) = self.settling {
+            bounds.extend([
+                ("plant.settling.seconds", seconds, 0.0, 10.0),
+                ("plant.settling.full_brake_mps2", full_brake_mps2, self.half_brake_mps2, 30.0),
+            ]);
+        }
+        bounds
     }
 }
 
@@ -144,6 +212,10 @@ struct OwnPlant {
     follower_start: FollowerStart,
     obstacle: Obstacle,
     ego_box: EgoBox,
+    #[serde(default)]
+    traffic_boxes: TrafficBoxes,
+    #[serde(default)]
+    settling: Option<Settling>,
 }
 
 impl From<WrittenPlant> for PlantOptions {
@@ -160,6 +232,8 @@ impl From<WrittenPlant> for PlantOptions {
                 follower_start: own.follower_start,
                 obstacle: own.obstacle,
                 ego_box: own.ego_box,
+                traffic_boxes: own.traffic_boxes,
+                settling: own.settling,
             },
         }
     }

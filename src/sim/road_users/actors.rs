@@ -86,11 +86,11 @@ pub(in crate::sim) fn adversaries(
                 }
                 inserted += 1;
                 mind = Mind::Triggered(Box::new(Play::new(script)));
-                (ActorRef::Inserted(inserted - 1), Size::new(script.kind, script.length_m, script.width_m))
+                (ActorRef::Inserted(inserted - 1), plant.size_of(script.kind, script.length_m, script.width_m))
             }
             Action::Insert { kind, length_m, width_m, .. } => {
                 inserted += 1;
-                (ActorRef::Inserted(inserted - 1), Size::new(kind, length_m, width_m))
+                (ActorRef::Inserted(inserted - 1), plant.size_of(kind, length_m, width_m))
             }
             Action::Follow { track, .. }
             | Action::FollowThenReact { track, .. }

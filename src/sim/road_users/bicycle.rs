@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::kernel::{Vec2, num};
-use crate::scene::Sample;
+use crate::scene::{DT_S, Sample};
 use crate::sim::prepared::body::{Place, SUBSTEP_S, SUBSTEPS};
 
 /// What a car can do at most.
@@ -24,6 +24,31 @@ pub struct Limits {
     pub grip_mps2: f64,
     /// What a bend costs in speed.
     pub cornering_loss: CorneringLoss,
+    /// How the car brakes at the beginning of an episode, where that differs.
+    pub settling: Option<Settling>,
+}
+
+/// A simulated car that is put on the road with its springs pressed together rises on them at first. While it does, more weight than its
+/// own rests on the wheels, and full brakes take more.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settling {
+    /// How long that lasts, s.
+    pub seconds: f64,
+    /// Full brake during that time, m/s².
+    pub full_brake_mps2: f64,
+}
+
+impl Limits {
+    /// The limits so many decision steps after the beginning of an episode.
+    pub fn at_step(&self, k: usize) -> Limits {
+        match self.settling {
+            Some(Settling { seconds, full_brake_mps2 }) if (k as f64) * DT_S < seconds - 1e-9 => {
+                Limits { brake_mps2: full_brake_mps2, ..*self }
+            }
+            _ => *self,
+        }
+    }
 }
 
 /// What a bend costs, as a deceleration.
@@ -42,6 +67,20 @@ pub enum CorneringLoss {
         /// The share, 0 to 2.
         share: f64,
     },
+    /// `|v yaw rate| sin |δ| (share + skid s) + drive s t`, where the front wheels slide by the part `s = max(0, 1 - holds / a)` of
+    /// the lateral acceleration `a` of the curve to which they are turned, and `t` is the acceleration by throttle. Wheels that slide drag,
+    /// lose drive, and push along their own axle alone: turned by `δ` they have the grip `cos δ` to turn the car with. Measured on
+    /// MetaDrive's car (docs/PLANT.md).
+    Skid {
+        /// While the wheels hold, 0 to 2.
+        share: f64,
+        /// What wheels cost more that slide altogether, 0 to 4.
+        skid: f64,
+        /// Part of the drive that they lose then, 0 to 1.
+        drive: f64,
+        /// Lateral acceleration at which they begin to slide, m/s².
+        holds_mps2: f64,
+    },
 }
 
 /// A car of MetaDrive's default size on tyres that hold 0.9 g: steering 40°, 80 km/h, four wheels of 759 N on 1100 kg
@@ -54,6 +93,7 @@ pub const DEFAULT_LIMITS: Limits = Limits {
     brake_mps2: 0.9 * GRAVITY_MPS2,
     grip_mps2: 0.9 * GRAVITY_MPS2,
     cornering_loss: CorneringLoss::TyreSlip { cornering_coefficient: 9.2 },
+    settling: None,
 };
 
 const GRAVITY_MPS2: f64 = 9.81;
@@ -111,8 +151,18 @@ impl Car {
         let steering = steering_rad.clamp(-limits.steering_rad, limits.steering_rad);
         let tan_slip = num::tan(steering) * self.rear_m / (self.front_m + self.rear_m);
         let sine = tan_slip / (1.0 + tan_slip * tan_slip).sqrt();
-        let most = limits.grip_mps2 * self.rear_m / (self.speed_mps * self.speed_mps).max(1e-9);
+        let grip_mps2 = match limits.cornering_loss {
+            CorneringLoss::Skid { .. } => limits.grip_mps2 * num::cos(steering),
+            _ => limits.grip_mps2,
+        };
+        let most = grip_mps2 * self.rear_m / (self.speed_mps * self.speed_mps).max(1e-9);
         sine.clamp(-most, most)
+    }
+
+    /// Lateral acceleration of the curve to which the wheels are turned, whether or not the tyres hold it, m/s².
+    fn steered_mps2(&self, turned_rad: f64) -> f64 {
+        let tan_slip = num::tan(turned_rad) * self.rear_m / (self.front_m + self.rear_m);
+        self.speed_mps * self.speed_mps * tan_slip / (1.0 + tan_slip * tan_slip).sqrt() / self.rear_m
     }
 
     /// The steering angle that turns the car by `curvature_1pm` (1/m, positive to the left), grip aside; the inverse of
@@ -134,7 +184,7 @@ impl Car {
     }
 
     /// How much speed the bend costs that the car drives with a slip of this sine, m/s².
-    fn cornering_loss_mps2(&self, steering_rad: f64, sine: f64, limits: &Limits) -> f64 {
+    fn cornering_loss_mps2(&self, acceleration_mps2: f64, steering_rad: f64, sine: f64, limits: &Limits) -> f64 {
         let lateral_mps2 = self.speed_mps * self.speed_mps * sine.abs() / self.rear_m;
         let turned_rad = steering_rad.clamp(-limits.steering_rad, limits.steering_rad).abs();
         if turned_rad == 0.0 {
@@ -142,6 +192,11 @@ impl Car {
         }
         match limits.cornering_loss {
             CorneringLoss::Steering { share } => share * lateral_mps2 * num::sin(turned_rad),
+            CorneringLoss::Skid { share, skid, drive, holds_mps2 } => {
+                let slides = (1.0 - holds_mps2 / self.steered_mps2(turned_rad).max(1e-9)).max(0.0);
+                (share + skid * slides) * lateral_mps2 * num::sin(turned_rad)
+                    + drive * slides * acceleration_mps2.max(0.0)
+            }
             CorneringLoss::TyreSlip { cornering_coefficient } => {
                 let slip_rad = lateral_mps2 / (cornering_coefficient * GRAVITY_MPS2);
                 let needed_rad = self.steering_for(sine.abs() / self.rear_m);
@@ -157,8 +212,8 @@ impl Car {
     pub fn drive(&self, acceleration_mps2: f64, steering_rad: f64, limits: &Limits) -> [Car; SUBSTEPS] {
         let acceleration = acceleration_mps2.clamp(-limits.brake_mps2, limits.engine_mps2);
         let sine = self.slip_sine(steering_rad, limits);
-        let acceleration =
-            (acceleration - self.cornering_loss_mps2(steering_rad, sine, limits)).max(-limits.brake_mps2);
+        let loss = self.cornering_loss_mps2(acceleration, steering_rad, sine, limits);
+        let acceleration = (acceleration - loss).max(-limits.brake_mps2);
         let cosine = (1.0 - sine * sine).max(0.0).sqrt();
         let mut car = *self;
         core::array::from_fn(|j| {

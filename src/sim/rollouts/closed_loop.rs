@@ -8,7 +8,7 @@ use crate::sim::accounts::outcome::Contact;
 use crate::sim::encounters::class::Before;
 use crate::sim::encounters::contact;
 use crate::sim::encounters::hit::{Hit, Mover, Swept};
-use crate::sim::prepared::body::{Place, SUBSTEP_S, SUBSTEPS, sample_during};
+use crate::sim::prepared::body::{Place, SUBSTEP_S, SUBSTEPS, Size, sample_during};
 use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::actors::{Mind, adversaries, set_off};
 use crate::sim::road_users::bicycle::Car;
@@ -109,7 +109,7 @@ impl<'a> ClosedLoop<'a> {
                         what: if acceleration_mps2.is_finite() { "a steering" } else { "an acceleration" },
                     });
                 }
-                Ok(Some(self.drive(acceleration_mps2, steering_rad)))
+                Ok(Some(self.drive(acceleration_mps2, steering_rad, k)))
             }
             Control::FollowLog => match self.plant.ego_log(k + 1) {
                 Some(next) => Ok(Some(self.follow(next))),
@@ -121,9 +121,9 @@ impl<'a> ClosedLoop<'a> {
         }
     }
 
-    /// The ego's motion under constant controls.
-    pub fn drive(&self, acceleration_mps2: f64, steering_rad: f64) -> EgoStep {
-        let cars = self.car.drive(acceleration_mps2, steering_rad, self.plant.limits());
+    /// The ego's motion through the k-th step under constant controls.
+    pub fn drive(&self, acceleration_mps2: f64, steering_rad: f64, k: usize) -> EgoStep {
+        let cars = self.car.drive(acceleration_mps2, steering_rad, &self.plant.limits().at_step(k));
         let mut path = [self.car.place(); SUBSTEPS + 1];
         for (place, car) in path[1..].iter_mut().zip(&cars) {
             *place = car.place();
@@ -209,12 +209,17 @@ impl<'a> ClosedLoop<'a> {
 
     /// What a contact in the k-th step was like.
     pub fn describe(&self, k: usize, hit: &Hit, step: &EgoStep) -> Contact {
+        self.describe_as(k, hit, step, &self.ego.size)
+    }
+
+    /// The same of an ego with this box.
+    pub fn describe_as(&self, k: usize, hit: &Hit, step: &EgoStep, size: &Size) -> Contact {
         let velocity = match hit.substep {
             0 => self.ego.sample.velocity,
             j => step.samples[j - 1].velocity,
         };
         let before = Before::of(&self.plant, &self.world, k, hit, &self.ego.along);
-        contact::describe(hit, k, &self.ego.size.at(step.path[hit.substep]), velocity, &before)
+        contact::describe(hit, k, &size.at(step.path[hit.substep]), velocity, &before)
     }
 
     /// Makes the next pose of everyone the present one.

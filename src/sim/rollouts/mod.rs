@@ -21,7 +21,9 @@ pub use held::Held;
 pub use part::{Part, RolloutCost};
 pub use reenacted::{judge, tell};
 pub use repeated::Repeated;
-pub use reported::{Pose, ReportedActor, ReportedContact, ReportedError, ReportedRollout, adversaries_of, commands};
+pub use reported::{
+    ContactBoxes, Pose, ReportedActor, ReportedContact, ReportedError, ReportedRollout, adversaries_of, commands,
+};
 pub use rollout::{
     contact_within, ending, rollout, rollout_assessed, rollout_counted, rollout_in_parts, rollout_traced,
 };

@@ -48,7 +48,7 @@ pub fn tell(plant: &Plant, intervention: &Intervention, driver: &mut dyn Driver)
     let mut writer = Writer { reported, within: None };
     let (end, steps, contact) = rollout_recorded(plant, intervention, driver, &mut writer)?;
     let (step, substep) = writer.within.unwrap_or((steps, 0));
-    let contact = contact.map(|contact| ReportedContact { with: contact.with, step, substep });
+    let contact = contact.map(|contact| ReportedContact { with: contact.with, step, substep, boxes: None });
     Ok(ReportedRollout { end, contact, ..writer.reported })
 }
 
@@ -150,12 +150,13 @@ impl<'a> Reenacted<'a> {
             let pose = self.reported.actors[self.teller[i]].at(row)?;
             let (place, velocity) = (pose.place(), pose.sample.velocity);
             let adversary = actor.action.is_some();
-            return Some(Hit { substep, with, adversary, replayed: false, size: actor.size, place, velocity });
+            let size = boxed(actor.size, contact.boxes.map(|boxes| boxes.other));
+            return Some(Hit { substep, with, adversary, replayed: false, size, place, velocity });
         }
         let ActorRef::Track(track) = with else { return None };
         let plant = &*state.plant;
         let (place, sample) = row_during(plant, k, plant.rows.find(k, track)?, substep);
-        let size = plant.sizes[track];
+        let size = boxed(plant.sizes[track], contact.boxes.map(|boxes| boxes.other));
         Some(Hit { substep, with, adversary: false, replayed: true, size, place, velocity: sample.velocity })
     }
 
@@ -195,7 +196,9 @@ impl<'a> Reenacted<'a> {
         account: &mut Account,
         recorder: &mut Recorder,
     ) -> Contact {
-        let contact = self.state.describe(k, hit, step);
+        let boxes = self.reported.contact.and_then(|contact| contact.boxes);
+        let ego = boxed(self.state.ego.size, boxes.map(|boxes| boxes.ego));
+        let contact = self.state.describe_as(k, hit, step, &ego);
         if hit.substep > 0 {
             self.state.stop_at(hit.substep, step);
             for (actor, of) in self.state.world.actors.iter_mut().zip(&self.teller) {
@@ -208,6 +211,11 @@ impl<'a> Reenacted<'a> {
         account.touched(&self.state, hit.adversary);
         contact
     }
+}
+
+/// A road user with the box that the simulator collided, where it says one.
+fn boxed(size: Size, simulated: Option<[f64; 2]>) -> Size {
+    simulated.map_or(size, |[length_m, width_m]| Size::new(size.kind, length_m, width_m))
 }
 
 /// Puts someone where it is told to be.

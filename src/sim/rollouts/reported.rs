@@ -47,8 +47,9 @@ pub struct ReportedRollout {
     pub actors: Vec<ReportedActor>,
 }
 
-/// The road user that the ego touched first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// The road user that the ego touched first. The moment of a contact is the one in which the boxes met, before any impact changed a
+/// speed: class, striker and relative speed are those of two road users who are about to collide.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReportedContact {
     /// Whom the ego touched.
@@ -57,6 +58,19 @@ pub struct ReportedContact {
     pub step: usize,
     /// After how many of its five physics steps, 0..=5. Who knows no physics steps says 5.
     pub substep: usize,
+    /// The boxes that the simulator collided; without them the contact is judged with those of our plant.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub boxes: Option<ContactBoxes>,
+}
+
+/// The boxes of a contact, each by length and width, metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ContactBoxes {
+    /// Of the ego.
+    pub ego: [f64; 2],
+    /// Of the road user that it touched.
+    pub other: [f64; 2],
 }
 
 /// A road user that does not follow its recording.

@@ -3,7 +3,7 @@
 use crate::kernel::num;
 use crate::sim::accounts::end::End;
 use crate::sim::prepared::body::SUBSTEPS;
-use crate::sim::prepared::plant::{Plant, sample_is_sound};
+use crate::sim::prepared::plant::{LENGTH_M_MAX, Plant, sample_is_sound, size_is_sound};
 use crate::sim::road_users::actors::scripted;
 use crate::sim::road_users::intervention::{ActorRef, Intervention};
 
@@ -48,7 +48,20 @@ pub(in crate::sim) fn check(
         check_actor(plant, reported, i, actor)?;
     }
     check_commands(plant, intervention, reported)?;
+    check_boxes(reported)?;
     check_partner(plant, reported)
+}
+
+/// Boxes that somebody can have.
+fn check_boxes(reported: &ReportedRollout) -> Result<(), ReportedError> {
+    let Some(boxes) = reported.contact.and_then(|contact| contact.boxes) else { return Ok(()) };
+    for (place, [length_m, width_m]) in [("contact.boxes.ego", boxes.ego), ("contact.boxes.other", boxes.other)] {
+        if !size_is_sound(length_m, width_m) {
+            let expected = format!("length and width above 0 and at most {LENGTH_M_MAX} m");
+            return wrong(place, expected, format!("{length_m} x {width_m}"));
+        }
+    }
+    Ok(())
 }
 
 /// As many rows as the end of the rollout needs.

@@ -114,6 +114,42 @@ fn another_motion_gives_another_outcome() {
     assert!((other.ego_lateral_m_max - own.ego_lateral_m_max).abs() > 0.5);
 }
 
+#[test]
+fn a_contact_is_judged_with_the_boxes_that_were_simulated() {
+    let (mut sides, mut contacts) = (0, 0);
+    for seed in 0..60 {
+        let scene = scene(seed);
+        let (plant, act, policy) = (plant(&scene, seed), drawn(&scene, seed), policy(seed));
+        let mut reported = tell(&plant, &act, policy.driver().as_mut()).unwrap();
+        let Some(contact) = &mut reported.contact else { continue };
+        let judged = |reported: &ReportedRollout| {
+            let (outcome, _) = judge(&plant, &act, reported, policy.driver().follows_log()).unwrap();
+            outcome.contact.unwrap()
+        };
+        let size = |who: ActorRef| match who {
+            ActorRef::Track(track) => plant.sizes[track],
+            ActorRef::Inserted(_) => plant.ego_size,
+        };
+        let (ego, other) = (plant.ego_size, size(contact.with));
+        let whole = |size: Size| [2.0 * size.half_length_m, 2.0 * size.half_width_m];
+        if matches!(contact.with, ActorRef::Inserted(_)) {
+            continue;
+        }
+        contact.boxes = Some(ContactBoxes { ego: whole(ego), other: whole(other) });
+        let same = judged(&reported);
+        reported.contact.as_mut().unwrap().boxes = None;
+        assert_eq!(same, judged(&reported), "seed {seed}: boxes of the plant, told");
+        // A thin and a long box of the other: the sides that face each other are others.
+        let boxes = ContactBoxes { ego: whole(ego), other: [0.2, 6.0] };
+        reported.contact.as_mut().unwrap().boxes = Some(boxes);
+        let thin = judged(&reported);
+        assert_eq!((thin.time_s, thin.relative_speed_mps), (same.time_s, same.relative_speed_mps));
+        sides += usize::from((thin.ego_side, thin.other_side) != (same.ego_side, same.other_side));
+        contacts += 1;
+    }
+    assert!(contacts > 10 && sides > 2, "{sides} of {contacts}");
+}
+
 /// What `judge` says of a motion after something was done to it.
 fn refused(spoil: impl FnOnce(&mut ReportedRollout)) -> String {
     let scene = scene(3);
@@ -126,6 +162,8 @@ fn refused(spoil: impl FnOnce(&mut ReportedRollout)) -> String {
         Err(error) => error.to_string(),
     }
 }
+
+const NO_BOX: ContactBoxes = ContactBoxes { ego: [4.0, 2.0], other: [-1.0, 2.0] };
 
 #[test]
 fn a_motion_that_is_none_of_the_scene_is_refused_with_its_place() {
@@ -141,8 +179,15 @@ fn a_motion_that_is_none_of_the_scene_is_refused_with_its_place() {
         refused(|reported| reported.actors[0].who = ActorRef::Track(999)),
         refused(|reported| reported.actors[0].who = ActorRef::Inserted(0)),
         refused(|reported| {
+            let contact = ReportedContact { with: ActorRef::Track(0), step: 0, substep: 0, boxes: Some(NO_BOX) };
+            (reported.end, reported.contact) = (End::Contact, Some(contact));
+            reported.ego.truncate(1);
+            reported.actors.retain(|actor| actor.from_step < 1);
+            reported.actors.iter_mut().for_each(|actor| actor.poses.truncate(1));
+        }),
+        refused(|reported| {
             (reported.end, reported.contact) =
-                (End::Contact, Some(ReportedContact { with: ActorRef::Track(998), step: 3, substep: 5 }));
+                (End::Contact, Some(ReportedContact { with: ActorRef::Track(998), step: 3, substep: 5, boxes: None }));
             reported.ego.truncate(5);
             reported.actors.retain(|actor| actor.from_step < 5);
             reported.actors.iter_mut().for_each(|actor| actor.poses.truncate(5 - actor.from_step));
@@ -159,6 +204,7 @@ fn a_motion_that_is_none_of_the_scene_is_refused_with_its_place() {
         "expected each road user once",
         "road_users[0]: expected a track below",
         "expected",
+        "contact.boxes.other: expected length and width above 0 and at most 100 m, found -1 x 2",
         "contact: expected somebody who is there",
     ];
     for (said, expected) in reported.iter().zip(expected) {

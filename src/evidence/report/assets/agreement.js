@@ -18,6 +18,17 @@ function agreementRows(rows) {
   const body = rows.flatMap((r, i) => i && rows[i - 1].of !== r.of ? [el("tr", { class: "head" }, el("th", { colspan: names.length }, KINDS[r.of])), line(r)] : [line(r)]);
   return el("table", {}, el("thead", {}, heads(names)), el("tbody", {}, body));
 }
+function agreementLabels(rows) {
+  const names = ["Rollouts of", "published", "agree %", "kappa", "preventable", "agree %", "kappa", "same class", "same striker", "same avoidability", "speed more m/s"];
+  const judged = (j) => { const [both, first, second] = j.confusion; return [td(`${both + first}; ${both + second}`), td(fixed(100 * j.agreement.value, 1)), td(j.kappa ? fixed(j.kappa.value, 2) : "–")]; };
+  const share = (n, all) => td(all ? `${n} of ${all}` : "–");
+  return el("table", {}, el("thead", {}, heads(names)), el("tbody", {}, rows.map(({ row, labels: l }) => el("tr", {}, el("td", { class: "name" }, row), judged(l.published), judged(l.preventable),
+    share(l.same_class, l.contacts), share(l.same_striker, l.contacts), share(l.same_avoidability, l.assessed), td(l.relative_speed_more_mps === null ? "–" : fixed(l.relative_speed_more_mps, 2))))));
+}
+function agreementChanges(changes) {
+  return el("table", {}, el("thead", {}, heads(["Changed", "mended", "broken", "agree %", "kappa"])),
+    el("tbody", {}, changes.map((c) => el("tr", {}, td(c.change, false), td(c.mended), td(c.broken), td(fixed(100 * c.agreement, 1)), td(c.kappa === null ? "–" : fixed(c.kappa, 2))))));
+}
 function agreementChart(rows) {
   const shown = rows.filter((r) => r.of === "program" || r.of === "family" || r.of === "cluster"), dy = 22, left = 170, width = 620, right = 20, top = 8;
   const least = Math.min(0.5, ...shown.map((r) => r.agreement.low)), height = top + dy * shown.length + 34;
@@ -40,9 +51,9 @@ function drawDisagreements() {
   byId("agreement-cause-note").textContent = cause ? `${cause.replace("_", " ")}: ${CAUSES[cause]}.` : "The cause shown is the first of six that fits the recorded motion.";
   const name = ["first", "second"], metres = (value) => fixed(value, 2);
   byId("agreement-list").replaceChildren(el("table", {},
-    el("thead", {}, heads(["Program", "Scene", "Contact in", "With", "Cause", "The other ended", "At s", "Nearest m", "Egos apart m"], 6)),
+    el("thead", {}, heads(["Program", "Scene", "Contact in", "With", "Seen", "Mended by", "The other ended", "At s", "Nearest m", "Egos apart m"], 7)),
     el("tbody", {}, shown.map((d) => el("tr", {}, td(d.program, false), td(d.scene, false), td(data.agreement.backends[name.indexOf(d.contact_in)], false), td(d.with.with + (d.with.adversary ? " (adversary)" : ""), false),
-      td(d.cause.replace("_", " "), false), td(d.other_end.replace("_", " "), false), td(fixed(d.with.at_cs / 100, 2)), td(metres(d.other_distance_m_min)), td(metres(d.ego_apart_m)))))));
+      td(d.cause.replace("_", " "), false), td(d.mended_by.join(", ") || "–", false), td(d.other_end.replace("_", " "), false), td(fixed(d.with.at_cs / 100, 2)), td(metres(d.other_distance_m_min)), td(metres(d.ego_apart_m)))))));
 }
 function openAgreement() {
   const agreement = data.agreement;
@@ -60,6 +71,9 @@ function openAgreement() {
   byId("agreement-apart").append(el("table", {}, el("thead", {}, heads(["Before", "median m", "90 % below m", "n"])),
     el("tbody", {}, all.ego_apart.map((a) => el("tr", {}, td(`${a.before_s} s`, false), td(fixed(a.median_m, 2)), td(fixed(a.p90_m, 2)), td(a.rollouts))))));
   byId("agreement-rows").append(agreementRows(agreement.rows));
+  byId("agreement-labels").append(agreementLabels(agreement.rows));
+  byId("agreement-changed").hidden = !agreement.changes.length;
+  byId("agreement-changes").append(agreementChanges(agreement.changes));
   const times = (key) => [...agreement.disagreements.reduce((m, d) => m.set(d[key], (m.get(d[key]) || 0) + 1), new Map())].sort((a, b) => b[1] - a[1]);
   byId("agreement-cause").append(option("", "all"), ...times("cause").map(([cause, n]) => option(cause, `${cause.replace("_", " ")} (${n})`)));
   byId("agreement-program").append(option("", "all"), ...times("program").map(([program, n]) => option(program, `${program} (${n})`)));

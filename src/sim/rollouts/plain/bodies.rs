@@ -106,16 +106,16 @@ impl<'a> Body<'a> {
             };
             let (who, size) = match action {
                 Action::Triggered(script) => {
-                    (ActorRef::Inserted(inserted), Size::new(script.kind, script.length_m, script.width_m))
+                    (ActorRef::Inserted(inserted), plant.size_of(script.kind, script.length_m, script.width_m))
                 }
                 Action::Insert { kind, length_m, width_m, .. } => {
-                    (ActorRef::Inserted(inserted), Size::new(*kind, *length_m, *width_m))
+                    (ActorRef::Inserted(inserted), plant.size_of(*kind, *length_m, *width_m))
                 }
                 Action::Follow { track, .. }
                 | Action::FollowThenReact { track, .. }
                 | Action::FollowThenObey { track, .. } => {
                     let of = &plant.scene().tracks[*track];
-                    (ActorRef::Track(*track), Size::new(of.kind, of.length_m, of.width_m))
+                    (ActorRef::Track(*track), plant.size_of(of.kind, of.length_m, of.width_m))
                 }
             };
             inserted += usize::from(matches!(who, ActorRef::Inserted(_)));
@@ -133,7 +133,7 @@ impl<'a> Body<'a> {
         }
         let along = path.project(now.position);
         let mind = Mind::Path { born: k, path, along, speed_mps: now.speed_mps(), throttle: 0.0 };
-        Body::new(ActorRef::Track(track), Size::new(of.kind, of.length_m, of.width_m), None, mind, Some(now))
+        Body::new(ActorRef::Track(track), plant.size_of(of.kind, of.length_m, of.width_m), None, mind, Some(now))
     }
 
     /// The step at which reactive traffic appeared.

@@ -101,7 +101,7 @@ impl Plain<'_> {
                 who: ActorRef::Track(i),
                 adversary: None,
                 appears: k == 0 || self.track_at(i, k - 1).is_none(),
-                size: Size::new(track.kind, track.length_m, track.width_m),
+                size: self.plant.size_of(track.kind, track.length_m, track.width_m),
                 axis: places[0].axis,
                 samples: between(&now, next.as_ref(), &places),
                 places,
@@ -157,7 +157,7 @@ impl Plain<'_> {
     fn ego_step(&self, car: &Car, now: &Sample, k: usize) -> Option<(Ego, Car)> {
         match self.controls.get(k)? {
             Control::Drive { acceleration_mps2, steering_rad } => {
-                let cars = car.drive(*acceleration_mps2, *steering_rad, self.plant.limits());
+                let cars = car.drive(*acceleration_mps2, *steering_rad, &self.plant.limits().at_step(k));
                 let mut ego = Ego { samples: [*now; SUBSTEPS + 1], places: [car.place(); SUBSTEPS + 1] };
                 for (j, moved) in cars.iter().enumerate() {
                     (ego.samples[j + 1], ego.places[j + 1]) = (moved.sample(), moved.place());
@@ -378,8 +378,8 @@ impl Plain<'_> {
 
     fn adversary_size(&self, i: usize, rows: &[Vec<Other>], _count: usize) -> Size {
         match self.act.actions[i] {
-            Action::Insert { kind, length_m, width_m, .. } => Size::new(kind, length_m, width_m),
-            Action::Triggered(ref script) => Size::new(script.kind, script.length_m, script.width_m),
+            Action::Insert { kind, length_m, width_m, .. } => self.plant.size_of(kind, length_m, width_m),
+            Action::Triggered(ref script) => self.plant.size_of(script.kind, script.length_m, script.width_m),
             _ => rows.iter().flatten().find(|o| o.adversary == Some(i)).map_or(self.plant.ego_size, |o| o.size),
         }
     }

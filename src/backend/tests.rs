@@ -141,8 +141,7 @@ fn a_worker_is_replaced_after_as_many_rollouts_as_declared() {
                 backend.rollout(&plant, &Intervention::default(), &Policy::Idm, drawn).unwrap();
             }
         }
-        let started = *start.1.lock().unwrap();
-        started
+        start.1.into_inner().unwrap()
     };
     assert_eq!([None, Some(3), Some(7), Some(1)].map(started), [1, 3, 1, 7]);
 }

@@ -117,13 +117,17 @@ fn played(
 pub fn of_reported(folder: &RunFolder, run: &RecordedRun, threads: &Threads) -> Result<Vec<Credit>, Failure> {
     let programs = reported(run, &folder.read_experiment()?.selector, None);
     let mut credits = kept_credit::kept(folder, run)?;
-    // What an earlier version kept lacks the way of the chain.
-    credits.retain(|of| programs.contains(&of.program) && of.edits.iter().all(|edit| edit.so_far.is_some()));
+    credits.retain(|of| programs.contains(&of.program) && knows_the_way(of));
     let is_missing = |program: &&SolutionId| credits.iter().all(|of| of.program != **program);
     let missing: Vec<SolutionId> = programs.iter().filter(is_missing).cloned().collect();
     credits.extend(played(&How::default(), (folder, run), &missing, threads)?);
     credits.sort_by_key(|of| programs.iter().position(|program| *program == of.program));
     Ok(credits)
+}
+
+/// Whether it says what the chain came to edit by edit: what an earlier version kept does not.
+fn knows_the_way(credit: &Credit) -> bool {
+    credit.edits.iter().all(|edit| edit.so_far.is_some())
 }
 
 /// Of the program that a finished lineage reports: what the run's folder keeps, or rollouts. `None` where the parent is reported, the run is
@@ -140,7 +144,7 @@ pub fn of_lineage(
     if *reported == result.parent.solution || !run.rounds.is_empty() || of_another {
         return Ok(None);
     }
-    let known = |of: &Credit| of.program == *reported && of.edits.iter().all(|edit| edit.so_far.is_some());
+    let known = |of: &Credit| of.program == *reported && knows_the_way(of);
     match kept_credit::kept(folder, run)?.into_iter().find(known) {
         Some(credit) => Ok(Some(credit)),
         None => Ok(played(&How::default(), (folder, run), std::slice::from_ref(reported), threads)?.pop()),

@@ -67,25 +67,18 @@ impl Which {
     pub fn of(self, runs: &[FolderAndRun], lineages: &[String], jobs: usize) -> Result<Figure, Failure> {
         let recorded_runs: Vec<RecordedRun> = runs.iter().map(|(_, run)| run.clone()).collect();
         let lineages: Vec<LineageId> = lineages.iter().map(LineageId::new).collect();
-        match self {
-            Which::Cases => figures::cases(&cases(runs, jobs)?, &recorded_runs).map_err(Failure::bad_input),
-            Which::CaseEvolution => evolution(runs, &lineages, jobs),
-            _ => self.drawn(&recorded_runs, &lineages).map_err(Failure::bad_input),
-        }
-    }
-
-    fn drawn(self, recorded_runs: &[RecordedRun], lineages: &[LineageId]) -> Result<Figure, FigureError> {
-        match self {
-            Which::PatchSurface => figures::patch_surface(recorded_runs),
-            Which::WorldSidecar => figures::world_order(recorded_runs),
-            Which::ParetoFront => figures::pareto_front(recorded_runs, lineages).map(|(figure, _)| figure),
-            Which::Front => figures::front(recorded_runs, lineages),
+        let drawn = match self {
+            Which::PatchSurface => figures::patch_surface(&recorded_runs),
+            Which::WorldSidecar => figures::world_order(&recorded_runs),
+            Which::CaseEvolution => return evolution(runs, &lineages, jobs),
+            Which::ParetoFront => figures::pareto_front(&recorded_runs, &lineages).map(|(figure, _)| figure),
+            Which::Front => figures::front(&recorded_runs, &lineages),
             Which::Method => figures::method(),
-            Which::CarlaPareto => figures::area_rounds(recorded_runs),
+            Which::CarlaPareto => figures::area_rounds(&recorded_runs),
+            Which::Cases => figures::cases(&cases(runs, jobs)?, &recorded_runs),
             Which::Architecture => figures::architecture(),
-            // These play rollouts.
-            Which::Cases | Which::CaseEvolution => Err(FigureError::NoPatches),
-        }
+        };
+        drawn.map_err(Failure::bad_input)
     }
 }
 

@@ -68,7 +68,6 @@ pub fn drawn(wanted: &Wanted<'_>, jobs: usize) -> Result<Answer, Failure> {
         }
         (None, None) => return Err(Failure::bad_input("name a pool, a scenario file or an attempt")),
     };
-    let columns = COLUMNS.min(cells.len().max(1));
     let usual = (SHEET_PT + 6.0) / COLUMNS as f64 - 6.0;
     let left_out = all - cells.len();
     let more = if left_out == 0 { String::new() } else { format!("; {left_out} more are left out") };
@@ -76,7 +75,7 @@ pub fn drawn(wanted: &Wanted<'_>, jobs: usize) -> Result<Answer, Failure> {
     let sheet = grid(
         &cells,
         &GridOptions {
-            columns,
+            columns: COLUMNS,
             panel_pt: wanted.panel_pt.unwrap_or(usual),
             around_m: wanted.around_m,
             title: title.clone(),

@@ -4,13 +4,13 @@
 use super::error::FigureError;
 use super::legend::{self, LETTERS, source};
 use crate::draw::{
-    Anchor, Axes, BLACK, BLUE, Figure, GREEN, GREY, Ink, LIGHT, Mark, ORANGE, PURPLE, Scale, VERMILION, WHITE, Words,
-    in_font, wrapped,
+    Anchor, Axes, BLACK, BLUE, Figure, GREEN, GREY, Ink, LIGHT, Mark, ORANGE, PURPLE, Rgb, Scale, VERMILION, WHITE,
+    Words, in_font, wrapped,
 };
 use crate::evidence::credit::{Credit, Gain};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::evidence::report::patch_in_words;
-use crate::evidence::tables::called;
+use crate::evidence::tables::{Estimate, called};
 use crate::objects::{Attempt, Exit, LineageId, Objectives, Program, SolutionId};
 
 /// A lineage to show, and what is known of its reported program patch by patch.
@@ -223,6 +223,16 @@ fn steps(
     sheet.text(below, LETTERS, Anchor::Middle, "Proposal");
 }
 
+/// What is drawn along the chain, and how.
+struct Quantity {
+    name: &'static str,
+    mark: Mark,
+    colour: Rgb,
+    /// To the side of its program, so that bars do not hide each other.
+    aside: f64,
+    of: fn(&Gain) -> Option<Estimate>,
+}
+
 /// What the programs of the chain have more than the parent, on the same held-out scenes.
 fn on_held_out(sheet: &mut Figure, credit: &Credit, top: f64) {
     let steps: Vec<(f64, Option<&Gain>)> = credit
@@ -231,9 +241,9 @@ fn on_held_out(sheet: &mut Figure, credit: &Credit, top: f64) {
         .zip(1_u32..)
         .map(|(edit, nth)| (f64::from(nth), edit.so_far.as_ref().and_then(|of| of.as_ref().ok())))
         .collect();
-    let quantities: [(&str, Mark, _, _, fn(&Gain) -> Option<crate::evidence::tables::Estimate>); 2] = [
-        ("attack", Mark::Disc, VERMILION, -0.09, |gain| Some(gain.attack)),
-        ("realism", Mark::Square, PURPLE, 0.09, |gain| gain.realism),
+    let quantities = [
+        Quantity { name: "attack", mark: Mark::Disc, colour: VERMILION, aside: -0.09, of: |gain| Some(gain.attack) },
+        Quantity { name: "realism", mark: Mark::Square, colour: PURPLE, aside: 0.09, of: |gain| gain.realism },
     ];
     let ends = |of: &(f64, Option<&Gain>)| -> Vec<f64> {
         let both = of.1.iter().flat_map(|gain| [Some(gain.attack), gain.realism]).flatten();
@@ -251,20 +261,20 @@ fn on_held_out(sheet: &mut Figure, credit: &Credit, top: f64) {
     for (nth, _) in [(0.0, None)].iter().chain(&steps) {
         sheet.text((axes.x(*nth), top + HIGH + 11.0), LETTERS, Anchor::Middle, format!("p{nth:.0}"));
     }
-    for (_, mark, colour, aside, read) in quantities {
-        let mut way = vec![axes.at(aside, 0.0)];
+    for Quantity { mark, colour, aside, of, .. } in &quantities {
+        let mut way = vec![axes.at(*aside, 0.0)];
         for (nth, gain) in &steps {
-            let Some(of) = gain.and_then(read) else { continue };
+            let Some(of) = gain.and_then(of) else { continue };
             let (x, y) = axes.at(nth + aside, of.value);
             if let Some([low, high]) = of.interval {
-                sheet.line((x, axes.y(low)), (x, axes.y(high)), Ink::line(colour, 1.0));
+                sheet.line((x, axes.y(low)), (x, axes.y(high)), Ink::line(*colour, 1.0));
             }
-            sheet.mark(mark, (x, y), 2.4, Ink::fill(colour));
+            sheet.mark(*mark, (x, y), 2.4, Ink::fill(*colour));
             way.push((x, y));
         }
-        sheet.path(way, Ink::line(colour, 0.7));
+        sheet.path(way, Ink::line(*colour, 0.7));
     }
-    let entries = quantities.map(|(name, mark, colour, ..)| (mark, Ink::fill(colour), name));
+    let entries = quantities.map(|of| (of.mark, Ink::fill(of.colour), of.name));
     legend::row(sheet, (CHAIN_LEFT, top + HIGH + 26.0), &entries);
     let said = ["p0 is the parent, the last is reported.", "Bars: 95 % over scenes."];
     for (line, y) in said.into_iter().zip([39.0, 49.0]) {

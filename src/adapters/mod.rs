@@ -4,6 +4,7 @@ pub mod changes;
 pub mod check;
 pub mod contract;
 pub mod domain;
+pub mod flow;
 pub mod graph;
 pub mod isolation;
 pub mod mechanisms;
@@ -18,6 +19,7 @@ pub mod vocabulary;
 
 pub use changes::Change;
 pub use contract::*;
+pub use flow::Step;
 pub use graph::node_count_range;
 pub use isolation::{ForeignVocabulary, ForeignWord};
 pub use problem::Problem;

@@ -4,6 +4,7 @@
 
 use std::fmt::Write as _;
 
+use super::helvetica::width;
 use super::player::escaped;
 
 /// A colour as red, green, blue.
@@ -196,6 +197,16 @@ impl Figure {
 
     /// The figure as a stand-alone SVG document.
     pub fn svg(&self) -> String {
+        self.written(false)
+    }
+
+    /// The same for a page of whose reader nobody knows the fonts: each line of text is as wide as it was measured, in whatever font it is
+    /// shown, so none runs out of the figure or into another.
+    pub fn svg_in_any_font(&self) -> String {
+        self.written(true)
+    }
+
+    fn written(&self, fitted: bool) -> String {
         let (w, h) = (number(self.width), number(self.height));
         let title = escaped(&self.title);
         let mut out = format!(
@@ -203,13 +214,13 @@ impl Figure {
              font-family=\"Helvetica, Arial, 'Liberation Sans', sans-serif\" role=\"img\">\n<title>{title}</title>\n\
              <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n"
         );
-        svg_shapes(&mut out, &self.shapes);
+        svg_shapes(&mut out, &self.shapes, fitted);
         out.push_str("</svg>\n");
         out
     }
 }
 
-fn svg_shapes(out: &mut String, shapes: &[Shape]) {
+fn svg_shapes(out: &mut String, shapes: &[Shape], fitted: bool) {
     for shape in shapes {
         match shape {
             Shape::Rect([x, y, w, h], ink) => {
@@ -225,7 +236,7 @@ fn svg_shapes(out: &mut String, shapes: &[Shape]) {
                 let [x, y, r] = [x, y, r].map(|v| number(*v));
                 let _ = writeln!(out, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{r}\"{}/>", painted(ink));
             }
-            Shape::Text(words) => svg_text(out, words),
+            Shape::Text(words) => svg_text(out, words, fitted),
             // A picture within the picture, in the same coordinates: it cuts off what lies outside without a name to refer to.
             Shape::Within([x, y, w, h], shapes) => {
                 let [x, y, w, h] = [x, y, w, h].map(|v| number(*v));
@@ -233,14 +244,14 @@ fn svg_shapes(out: &mut String, shapes: &[Shape]) {
                     out,
                     "<svg x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\" viewBox=\"{x} {y} {w} {h}\" overflow=\"hidden\">"
                 );
-                svg_shapes(out, shapes);
+                svg_shapes(out, shapes, fitted);
                 out.push_str("</svg>\n");
             }
         }
     }
 }
 
-fn svg_text(out: &mut String, words: &Words) {
+fn svg_text(out: &mut String, words: &Words, fitted: bool) {
     let (x, y, size) = (number(words.at.0), number(words.at.1), number(words.size));
     let anchor = match words.anchor {
         Anchor::Start => "",
@@ -249,10 +260,15 @@ fn svg_text(out: &mut String, words: &Words) {
     };
     let bold = if words.bold { " font-weight=\"bold\"" } else { "" };
     let turned = if words.upwards { format!(" transform=\"rotate(-90 {x} {y})\"") } else { String::new() };
+    // Of bold letters no widths are known.
+    let length = match fitted && !words.bold && !words.text.is_empty() {
+        true => format!(" textLength=\"{}\" lengthAdjust=\"spacingAndGlyphs\"", number(width(&words.text, words.size))),
+        false => String::new(),
+    };
     let (colour, text) = (hex(words.colour), escaped(&words.text));
     let _ = writeln!(
         out,
-        "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" fill=\"{colour}\"{anchor}{bold}{turned}>{text}</text>"
+        "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" fill=\"{colour}\"{anchor}{bold}{turned}{length}>{text}</text>"
     );
 }
 
@@ -289,6 +305,14 @@ mod tests {
         figure.text((1.0, 2.0), 8.0, Anchor::Start, "a < b & \"c\"");
         let svg = figure.svg();
         assert!(svg.contains("a &lt; b &amp; &quot;c&quot;") && !svg.contains("<b>"), "{svg}");
+    }
+
+    #[test]
+    fn a_line_for_any_font_is_as_wide_as_it_was_measured() {
+        let mut figure = Figure::new(10.0, 10.0, "");
+        figure.text((1.0, 2.0), 8.0, Anchor::Start, "wide");
+        let wanted = format!("textLength=\"{}\"", number(width("wide", 8.0)));
+        assert!(figure.svg_in_any_font().contains(&wanted) && !figure.svg().contains("textLength"));
     }
 
     #[test]

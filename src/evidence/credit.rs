@@ -161,10 +161,15 @@ impl Credit {
                     false => ", which these scenes do not tell apart from nothing or less",
                 }
             ),
-            Err(reason) => format!("{} cannot be taken out alone: {reason}", edit.name),
+            Err(reason) => format!("{} cannot be taken out alone: {}", edit.name, in_short(reason)),
         };
         needed + &alone
     }
+}
+
+/// Why there is no such program, without the place in it.
+pub fn in_short(reason: &str) -> &str {
+    reason.split(" (").next().unwrap_or(reason)
 }
 
 fn signed(of: Estimate) -> String {

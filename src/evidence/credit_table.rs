@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::credit::{Credit, Gain};
+use super::credit::{Credit, Gain, in_short};
 use super::lineage_text::shortened;
 use super::recorded_run::RecordedRun;
 use super::tables::{
@@ -50,7 +50,7 @@ pub fn credits(run: &RecordedRun, credits: &[Credit]) -> Result<Table, TableErro
             // The command says in full what a page has no room for.
             let verdict = match &edit.taken_out {
                 Ok(gain) => gain.verdict(),
-                Err(reason) => reason.split(" (").next().unwrap_or_default().to_string(),
+                Err(reason) => in_short(reason).to_string(),
             };
             let what: Vec<String> = edit.what.iter().map(|operation| shortened(operation, OPERATION_MAX)).collect();
             let labels = vec![program.clone(), edit.name.clone(), what.join("; "), verdict];

@@ -73,6 +73,8 @@ pub struct Setting {
     pub pool: String,
     /// Which contacts are attacks.
     pub reading: String,
+    /// What realism is a mean of.
+    pub realism: String,
 }
 
 /// The ego that is a planner of the experimenter's own.

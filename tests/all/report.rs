@@ -74,6 +74,51 @@ fn the_first_screen_claims_what_the_paired_labels_say_and_needs_no_script() {
 }
 
 #[test]
+fn the_first_screen_says_what_a_reader_should_weigh() {
+    let mut run = quickstart();
+    let gained = |run: &RecordedRun| report_data(&page(run, &Stage::default()))[0]["headlines"][0].clone();
+    let before = gained(&run);
+    assert_eq!((&before["weigh"], &before["lineage"]), (&false.into(), &"adv_bmt-idm".into()));
+    assert!(!first_screen(&page(&run, &Stage::default())).contains("Weigh:"));
+    // Rams from behind that nobody could have avoided, and one scene of the parent's more.
+    let result = run.result.as_ref().unwrap().lineages.iter().find(|of| of.lineage.as_str() == "adv_bmt-idm").unwrap();
+    let (chosen, parent) = (result.evolved.solution.clone(), result.parent.solution.clone());
+    let lost = |shares: &Value| -> u32 {
+        let words = shares.as_str().unwrap().split(" gained, ").nth(1).unwrap();
+        words.trim_end_matches(" lost").parse().unwrap()
+    };
+    let labels = |run: &mut RecordedRun, of: &evodrive::objects::SolutionId, scene: usize| {
+        let held_out = run.held_out.iter_mut().find(|held_out| held_out.solution == *of).unwrap();
+        let label = &mut held_out.score.scenes[scene];
+        label.attack = if label.attack > 0.0 { label.attack } else { 1.0 };
+    };
+    let attacks = |run: &RecordedRun, of: &evodrive::objects::SolutionId| -> Vec<bool> {
+        let held_out = run.held_out.iter().find(|held_out| held_out.solution == *of).unwrap();
+        held_out.score.scenes.iter().map(|label| label.attack > 0.0).collect()
+    };
+    let nobody = attacks(&run, &chosen).into_iter().zip(attacks(&run, &parent)).position(|of| of == (false, false));
+    labels(&mut run, &parent, nobody.unwrap());
+    let held_out = run.held_out.iter_mut().find(|held_out| held_out.solution == chosen).unwrap();
+    for met in held_out.score.scenes.iter_mut().filter_map(|label| label.contact.as_mut()) {
+        (met.class, met.avoidable) = ("rear_end_ego_struck".into(), Some(false));
+    }
+    let after = gained(&run);
+    assert_eq!(after["weigh"], true);
+    let says = after["contacts_say"].as_str().unwrap();
+    assert!(says.starts_with("The ego could have avoided only 0 % of its contacts (its parent's: "), "{says}");
+    assert!(says.ends_with("; 100 % are rams from behind."), "{says}");
+    assert_eq!(lost(&after["shares"]), lost(&before["shares"]) + 1);
+    let page = page(&run, &Stage::default());
+    assert!(first_screen(&page).contains("Weigh:</b> In 1 of 3 lines"), "{}", first_screen(&page));
+    // Each chosen program whose realism is below the rule's is counted.
+    assert!(first_screen(&page).contains("falls short of the rule's 0.95"));
+    for of in &mut run.result.as_mut().unwrap().lineages {
+        of.evolved.objectives.realism = 0.96;
+    }
+    assert!(!first_screen(&self::page(&run, &Stage::default())).contains("short of the rule"));
+}
+
+#[test]
 fn names_from_outside_stand_on_the_first_screen_as_text() {
     let mut run = quickstart();
     run.opened.name = "<img src=x onerror=alert(1)>".into();
@@ -104,8 +149,12 @@ fn a_badge_says_no_more_than_what_was_looked_at() {
     };
     let of = |all: &[(String, String)], what: &str| all.iter().find(|(_, says)| says.contains(what)).unwrap().0.clone();
     assert_eq!(of(&badges(&run, &[]), "no rollout simulated again"), "unknown");
-    assert_eq!(of(&badges(&run, &[Some(true), None]), "1 of 1 played rollouts"), "holds", "the replay has no label");
-    assert_eq!(of(&badges(&run, &[Some(true), Some(false)]), "1 of 2 played rollouts differ"), "against");
+    assert_eq!(
+        of(&badges(&run, &[Some(true), None]), "1 rollout shown here simulated again, equal"),
+        "holds",
+        "the replay has no label"
+    );
+    assert_eq!(of(&badges(&run, &[Some(true), Some(false)]), "1 of 2 rollouts shown here differ"), "against");
     assert_eq!(of(&badges(&run, &[]), "signature"), "unknown");
     assert_eq!(of(&badges(&run, &[]), "audit: no findings"), "holds");
     run.held_out.remove(0);

@@ -9,7 +9,7 @@ use crate::evidence::report::Words;
 
 /// Of each lineage whose parent did not stay; what an expression may read everywhere, and the parameters of the families.
 pub fn of(study: &Study, run: &RecordedRun) -> Words {
-    let mut words = Words { changes: BTreeMap::new(), meanings: meanings() };
+    let mut words = Words { meanings: meanings(), ..Words::default() };
     for result in run.result.iter().flat_map(|result| &result.lineages) {
         let Some(source) = study.sources.get(&result.family) else { continue };
         let (parent, chosen) = (run.program(&result.parent.solution), run.program(&result.evolved.solution));
@@ -17,6 +17,7 @@ pub fn of(study: &Study, run: &RecordedRun) -> Words {
         if result.parent.solution != result.evolved.solution {
             let changes = source.contract.changes(parent, chosen).into_iter().map(|change| change.says);
             words.changes.insert(result.evolved.solution.clone(), changes.collect());
+            words.flows.insert(result.evolved.solution.clone(), source.contract.flow(parent, chosen));
         }
         for (name, spec) in &source.contract.parameters {
             words.meanings.entry(name.clone()).or_insert_with(|| spec.describes.clone());

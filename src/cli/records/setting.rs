@@ -2,9 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use crate::evaluation::{AttackOptions, ContactClass, EvaluationOptions};
+use crate::evaluation::{AttackOptions, ContactClass, EvaluationOptions, RealismOptions};
 use crate::evidence::Setting;
 use crate::experiment::{Experiment, SceneSource};
+use crate::kernel::Digest;
 
 /// What a caption says of it.
 pub fn of(experiment: &Experiment) -> Setting {
@@ -17,11 +18,20 @@ pub fn of(experiment: &Experiment) -> Setting {
         SceneSource::Safebench { .. } => "SafeBench's traffic families on generated roads",
         SceneSource::Files { .. } | SceneSource::Pool { .. } => "scenes of the experimenter's own",
     };
-    let reading = match &experiment.evaluation {
-        EvaluationOptions::Metadrive(options) => reading(&options.attack),
-        EvaluationOptions::Safebench { .. } => "collision rate times lost overall score".into(),
+    let (reading, realism) = match &experiment.evaluation {
+        EvaluationOptions::Metadrive(options) => (reading(&options.attack), realism(&options.realism)),
+        EvaluationOptions::Safebench { .. } => ("collision rate times lost overall score".into(), String::new()),
     };
-    Setting { simulator, pool: pool.into(), reading }
+    Setting { simulator, pool: pool.into(), reading, realism }
+}
+
+/// What realism is a mean of, and a name for its settings by which a reader sees whether two experiments mean the same.
+fn realism(options: &RealismOptions) -> String {
+    let count = options.weights().len();
+    match Digest::of("evodrive/realism-options/1", options) {
+        Ok(settings) => format!("the weighted mean of {count} diagnostics of motion, settings {}", settings.short(8)),
+        Err(_) => format!("the weighted mean of {count} diagnostics of motion"),
+    }
 }
 
 /// Which contacts are attacks. The three readings that the tables set side by side have their words, any other is told by its classes.

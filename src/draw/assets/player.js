@@ -304,6 +304,12 @@ const EvoPlayer = (() => {
         const box = boxes.find(free) || (lead ? boxes.find(inside) : null);
         if (!box) continue;
         taken.push(box);
+        // A name that has to stand apart from its road user is led to it.
+        const [nx, ny] = [Math.max(box[0], Math.min(x, box[2])), Math.max(box[1], Math.min(y, box[3]))];
+        if (Math.hypot(nx - x, ny - y) > off + 12) {
+          c.strokeStyle = colours.text; c.lineWidth = 1;
+          c.beginPath(); c.moveTo(nx, ny); c.lineTo(x, y); c.stroke();
+        }
         outlined(c, actor.label, box[0], box[3] - 3, colours.text);
       }
     }

@@ -332,3 +332,65 @@ fn made<'s>(run: &'s RecordedRun, solution: &SolutionId) -> Option<&'s Attempt> 
         .iter()
         .find(|attempt| attempt.exit.candidate().is_some_and(|candidate| candidate.program.solution_id == *solution))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::draw::Shape;
+    use crate::evidence::credit::EditCredit;
+
+    fn gain(attack: f64, realism: f64) -> Gain {
+        let estimate = |value: f64| Estimate { interval: Some([value - 0.01, value + 0.01]), ..Estimate::plain(value) };
+        Gain { attack: estimate(attack), realism: Some(estimate(realism)), differing: 1 }
+    }
+
+    /// Heights of the marks of attack, and of realism, from the left.
+    fn heights(so_far: [Option<Gain>; 3]) -> [Vec<f64>; 2] {
+        let alone = || Ok(gain(0.9, 0.9));
+        let edit = |of: Option<Gain>| EditCredit {
+            name: "a/e0s0".into(),
+            what: Vec::new(),
+            so_far: of.map(Ok),
+            taken_out: alone(),
+            alone: alone(),
+        };
+        let (program, parent) = (SolutionId("a/e0s2".into()), SolutionId("a/parent".into()));
+        let credit = Credit {
+            program,
+            parent,
+            scenes: 9,
+            whole: gain(0.3, 0.02),
+            edits: so_far.map(edit).into_iter().collect(),
+        };
+        let mut sheet = Figure::new(WIDE, 2.0, String::new());
+        on_held_out(&mut sheet, &credit, 0.0);
+        // The legend's marks stand below the plot.
+        let plot = |y: &f64| *y < HIGH;
+        let disc = |shape: &Shape| match shape {
+            Shape::Disc((_, y), _, _) => Some(*y),
+            _ => None,
+        };
+        let square = |shape: &Shape| match shape {
+            Shape::Rect([_, y, wide, high], ink) if wide == high && ink.fill == Some(PURPLE) => Some(y + 0.5 * high),
+            _ => None,
+        };
+        [
+            sheet.shapes.iter().filter_map(disc).filter(plot).collect(),
+            sheet.shapes.iter().filter_map(square).filter(plot).collect(),
+        ]
+    }
+
+    #[test]
+    fn marks_stand_as_high_as_what_the_chain_came_to_so_far() {
+        let way = [Some(gain(-0.1, 0.0)), Some(gain(0.1, 0.1)), Some(gain(0.3, -0.1))];
+        let [attack, realism] = heights(way.clone());
+        let [first, second, third] = attack[..] else { panic!("{attack:?}") };
+        // Equal steps of attack are equal steps of the axis, upwards.
+        assert!(first > second && (first - second - (second - third)).abs() < 1e-9, "{attack:?}");
+        let [flat, up, down] = realism[..] else { panic!("{realism:?}") };
+        assert!((up - second).abs() < 1e-9 && (down - first).abs() < 1e-9 && flat > up && flat < down, "{realism:?}");
+        // Where nothing is known, nothing stands.
+        let [attack, _] = heights([way[0].clone(), None, way[2].clone()]);
+        assert_eq!(attack.len(), 2);
+    }
+}

@@ -29,5 +29,5 @@ pub fn of_run(run: &RecordedRun, credits: &[Credit]) -> Vec<Shown> {
         case_evolution(&[Evolved { run, lineage, credit }])
     });
     let files = whole.into_iter().chain(steps).filter_map(Result::ok);
-    files.map(|figure| Shown { svg: figure.svg(), title: figure.title }).collect()
+    files.map(|figure| Shown { svg: figure.svg_in_any_font(), title: figure.title }).collect()
 }

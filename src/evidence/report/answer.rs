@@ -7,6 +7,7 @@ use super::headline::{Headline, Verdict};
 use super::stage::Stage;
 use super::trust::{self, Standing};
 use crate::draw::escaped;
+use crate::kernel::num;
 use crate::text::counted;
 
 /// Name and what the page is about.
@@ -18,40 +19,41 @@ pub fn header(run: &RecordedRun) -> String {
         egos.dedup();
         egos.into_iter().map(|ego| if ego == "idm" { "IDM".into() } else { ego.to_string() }).collect()
     };
+    let setting = match (run.declared.setting.pool.as_str(), run.declared.setting.simulator.as_str()) {
+        ("", _) | (_, "") => String::new(),
+        (pool, simulator) => format!("; {pool}, simulated by {simulator}"),
+    };
     let protocol = if run.rounds.is_empty() { "" } else { ", SafeBench's protocol" };
     format!(
         "<h1 id=\"title\">{}</h1>\n<p id=\"about\">Programs that make traffic dangerous for a driver under test ({}), evolved on {} and measured on {} that the \
-         search never saw{protocol}.</p>",
+         search never saw{protocol}{}.</p>",
         escaped(&opened.name),
         escaped(&egos.join(", ")),
         counted(opened.evolution_scenes.len(), "scene"),
         counted(opened.held_out_scenes.len(), "other scene"),
+        escaped(&setting),
     )
 }
 
-/// One sentence a lineage, then the badges.
-pub fn html(run: &RecordedRun, headlines: &[Headline], stage: &Stage) -> String {
+/// Badges, what a reader should weigh, and one sentence a lineage.
+pub fn html(run: &RecordedRun, headlines: &[Headline], stage: &Stage, realism_min: f64) -> String {
     let mut out = String::from("<section class=\"part\" id=\"answers\"><h2>What evolved</h2>\n");
+    out.push_str(&badges(run, stage));
     if headlines.is_empty() {
         out.push_str("<p>The run is not finished: the answer comes when the held-out scenes are opened, after the last epoch.</p>\n");
     } else {
+        out.push_str(&caution(headlines));
         out.push_str("<ul class=\"answers\">\n");
-        headlines.iter().for_each(|headline| row(&mut out, headline));
-        let plain = headlines.iter().any(|of| of.verdict == Verdict::Plain);
-        let (sure, measures) = match plain {
-            true => ("", "CR and ARS: SafeBench's scores of attack and of realism"),
-            false => (
-                "; in brackets 95 % intervals over scenes",
-                "Attack: share of scenes in which the ego meets the program's road user in a way that counts. Realism: 1 where motion is within \
-                 what recorded traffic shows",
-            ),
-        };
-        let _ = writeln!(
-            out,
-            "</ul>\n<p class=\"note\">Each line: the chosen program less the published one that it began with{sure}. {measures}.</p>"
-        );
+        headlines.iter().for_each(|headline| row(&mut out, headline, &short_of_rule(run, headline, realism_min)));
+        let _ =
+            writeln!(out, "</ul>\n<p class=\"note\">{} {}</p>", legend(headlines), escaped(&measures(run, headlines)));
     }
-    out.push_str("<ul class=\"badges\" aria-label=\"Why it can be believed\">\n");
+    out.push_str("</section>\n");
+    out
+}
+
+fn badges(run: &RecordedRun, stage: &Stage) -> String {
+    let mut out = String::from("<ul class=\"badges\" aria-label=\"Why it can be believed\">\n");
     for badge in trust::badges(run, stage) {
         let (class, mark) = match badge.standing {
             Standing::Holds => ("holds", "✓"),
@@ -65,39 +67,140 @@ pub fn html(run: &RecordedRun, headlines: &[Headline], stage: &Stage) -> String 
             "<li class=\"badge {class}\"><details><summary><span aria-hidden=\"true\">{mark}</span> {says}</summary><p>{rests_on}</p></details></li>"
         );
     }
-    out.push_str("</ul></section>\n");
+    out.push_str("</ul>\n");
     out
 }
 
-fn row(out: &mut String, of: &Headline) {
-    let (class, mark) = match of.verdict {
-        Verdict::Gain => ("gain", "▲"),
-        Verdict::Trade => ("trade", "◆"),
-        Verdict::Unsure => ("unsure", "○"),
-        Verdict::Loss => ("loss", "▼"),
-        Verdict::Parent => ("parent", "="),
-        Verdict::Plain => ("plain", "●"),
-    };
-    let by = match (of.verdict, of.mechanism.as_str()) {
-        (Verdict::Parent, _) | (_, "") => String::new(),
-        (Verdict::Gain | Verdict::Trade | Verdict::Plain, mechanism) if of.searches > 1 => {
-            format!("; the best, {}, by <i>{}</i>", escaped(of.lineage.as_str()), escaped(mechanism))
+/// How many chosen programs fall short on the held-out scenes of the realism that the rule asks for; empty where none does.
+fn short_of_rule(run: &RecordedRun, of: &Headline, realism_min: f64) -> String {
+    let results = || run.result.iter().flat_map(|result| &result.lineages).filter(|one| one.group == of.group);
+    let realism = if of.verdict == Verdict::Plain { "ARS" } else { "strict realism" };
+    let short: Vec<f64> =
+        results().map(|one| one.evolved.objectives.realism).filter(|realism| *realism < realism_min).collect();
+    match (&short[..], results().count()) {
+        ([], _) => String::new(),
+        ([one], 1) => {
+            format!("On these scenes its {realism}, {}, falls short of the rule's {realism_min}.", num::fixed(*one, 4))
         }
-        (Verdict::Gain | Verdict::Trade | Verdict::Plain, mechanism) => format!(", by <i>{}</i>", escaped(mechanism)),
-        (_, mechanism) => format!(" <span class=\"tried\">(with {})</span>", escaped(mechanism)),
+        (short, all) => {
+            format!(
+                "{} of {all} chosen programs fall short of the rule's {realism} of {realism_min} on these scenes.",
+                short.len()
+            )
+        }
+    }
+}
+
+/// The signs that the lines have.
+fn legend(headlines: &[Headline]) -> String {
+    let all = [
+        Verdict::Gain,
+        Verdict::Trade,
+        Verdict::Concession,
+        Verdict::Unsure,
+        Verdict::Loss,
+        Verdict::Parent,
+        Verdict::Plain,
+    ];
+    let used = all.into_iter().filter(|verdict| headlines.iter().any(|of| of.verdict == *verdict));
+    let entry = |verdict| {
+        let (class, mark, means) = sign(verdict);
+        format!("<span class=\"key {class}\"><span class=\"mark\">{mark}</span> {means}</span>")
     };
-    let shares = if of.shares.is_empty() {
-        String::new()
-    } else {
-        {
-            let who = if of.searches > 1 { "This one" } else { "It" };
-            format!(" {who} {}.", escaped(&of.shares))
+    used.map(entry).collect()
+}
+
+/// Class, sign and meaning of a verdict.
+fn sign(verdict: Verdict) -> (&'static str, &'static str, &'static str) {
+    match verdict {
+        Verdict::Gain => ("gain", "▲", "more of one, no less of the other that the scenes tell"),
+        Verdict::Trade => ("trade", "◆", "more attack for less realism"),
+        Verdict::Concession => ("concession", "◇", "more realism for less attack"),
+        Verdict::Unsure => ("unsure", "○", "no difference told"),
+        Verdict::Loss => ("loss", "▼", "worse"),
+        Verdict::Parent => ("parent", "=", "the parent stays"),
+        Verdict::Plain => ("plain", "●", "scores without an interval"),
+    }
+}
+
+/// That gains are not of the ego's driving, where most contacts could not have been avoided; empty where none is so.
+fn caution(headlines: &[Headline]) -> String {
+    let weigh = headlines.iter().filter(|of| of.weigh).count();
+    let which = match (weigh, headlines.len()) {
+        (0, _) => return String::new(),
+        (_, 1) => "Here the ego could have avoided fewer than half of the contacts that count".to_string(),
+        (weigh, all) if weigh == all => {
+            "In every line the ego could have avoided fewer than half of the contacts that count".to_string()
+        }
+        (weigh, all) => {
+            format!("In {weigh} of {all} lines the ego could have avoided fewer than half of the contacts that count")
         }
     };
+    format!("<p class=\"weigh\"><b>Weigh:</b> {which}: such attacks say little about how the ego drives.</p>\n")
+}
+
+/// What the numbers of the sentences are.
+fn measures(run: &RecordedRun, headlines: &[Headline]) -> String {
+    let subject = if headlines.len() > 1 { "Each line has" } else { "The line has" };
+    let setting = &run.declared.setting;
+    if headlines.iter().any(|of| of.verdict == Verdict::Plain) {
+        return format!(
+            "{subject} the chosen program less the published one that it began with. Attack: collision rate times lost overall score, \
+             CR (1 − OS); realism: ARS. Both are SafeBench's scores of a whole set of runs, so a line has no interval; the tables of the run \
+             resample scenes."
+        );
+    }
+    let counts = match setting.reading.as_str() {
+        "" => String::new(),
+        reading => format!(" Here attacks are {reading}."),
+    };
+    let settings = match setting.realism.as_str() {
+        "" => String::new(),
+        realism => format!(" Here it is {realism}: realism of two experiments compares where that is the same."),
+    };
+    let over = match headlines.iter().any(|of| of.searches > 1) {
+        true => {
+            "over searches and scenes; the best search is named for what it did on these very scenes, so a new one would do less"
+        }
+        false => "over scenes; it is one search, and another would come to something else",
+    };
+    format!(
+        "{subject} the chosen program less the published one that it began with; in brackets 95 % intervals {over}. Attack: share of scenes \
+         in which the ego touches a road user whom the program drives, and the contact counts.{counts} Realism: 1 where all motion is within \
+         what recorded human traffic shows, over the scenes in which the program acts; it does not ask why somebody drives so, and a ram that a car can \
+         drive is realistic.{settings} Strict realism, which the rule and the front ask, is the worse of that and of the scenes with an attack."
+    )
+}
+
+fn row(out: &mut String, of: &Headline, short: &str) {
+    let (class, mark, _) = sign(of.verdict);
+    let mechanism = escaped(&of.mechanism);
+    let mut more = Vec::new();
+    let who =
+        if of.searches > 1 { format!("The best of them here, {},", escaped(of.lineage.as_str())) } else { "It".into() };
+    if !of.shares.is_empty() {
+        more.push(format!("{who} {}.", escaped(&of.shares)));
+    }
+    match of.verdict {
+        Verdict::Parent => {}
+        _ if mechanism.is_empty() => {}
+        _ if of.shares.is_empty() && of.searches > 1 => more.push(format!("{who} has <i>{mechanism}</i>.")),
+        _ => more.push(format!("What is new in it: <i>{mechanism}</i>.")),
+    }
+    for says in [of.contacts_say.as_str(), short] {
+        match says {
+            "" => {}
+            says if of.weigh || says == short => more.push(format!("<span class=\"weigh\">{}</span>", escaped(says))),
+            says => more.push(escaped(says)),
+        }
+    }
+    let more =
+        if more.is_empty() { String::new() } else { format!("<span class=\"further\">{}</span>", more.join(" ")) };
     let _ = writeln!(
         out,
-        "<li class=\"{class}\" data-lineage=\"{}\"><span class=\"mark\" aria-hidden=\"true\">{mark}</span> <span><b>{}</b>: {}{by}.{shares}</span></li>",
+        "<li class=\"{class}\" data-lineage=\"{}\"><span class=\"mark\" aria-hidden=\"true\">{mark}</span> <span><b>{}</b> <small>{}</small>: {}.{more}</span></li>",
         escaped(of.lineage.as_str()),
+        escaped(&of.called),
         escaped(of.group.as_str()),
         escaped(&of.says),
     );

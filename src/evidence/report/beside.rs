@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use super::super::agreement;
 use super::super::credit::Credit;
 use super::others::Other;
+use crate::adapters::Step;
 use crate::archive::SelectorOptions;
 use crate::objects::SolutionId;
 use crate::objects::cost::RunCost;
@@ -33,6 +34,8 @@ pub struct Beside<'a> {
 pub struct Words {
     /// Of each chosen program what it does otherwise than its lineage's parent, part by part.
     pub changes: BTreeMap<SolutionId, Vec<String>>,
+    /// Of each chosen program what it does with a scene, step by step.
+    pub flows: BTreeMap<SolutionId, Vec<Step>>,
     /// What the names in expressions mean, with their units.
     pub meanings: BTreeMap<String, String>,
 }

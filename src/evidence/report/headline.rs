@@ -5,8 +5,9 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use super::super::recorded_run::RecordedRun;
-use super::super::tables::{Compared, Estimate, compared, pooled};
+use super::super::tables::{Compared, Estimate, called, compared, pooled};
 use super::mechanism;
+use crate::evaluation::ContactClass;
 use crate::kernel::num;
 use crate::objects::{LineageId, Met, SolutionId, event::LineageResult};
 use crate::text::counted;
@@ -16,6 +17,8 @@ use crate::text::counted;
 pub struct Headline {
     /// The lineage of the experiment file.
     pub group: LineageId,
+    /// What people call it: its method against its ego.
+    pub called: String,
     /// The repetition that gained most attack: its program is the one that is shown.
     pub lineage: LineageId,
     /// How often the search was repeated.
@@ -25,8 +28,13 @@ pub struct Headline {
     pub says: String,
     /// What the shown program does otherwise; empty where the parent stays.
     pub mechanism: String,
-    /// How often the shown program attacks and how often its parent, and what could have been avoided; empty where that says nothing.
+    /// How often the shown program attacks and how often its parent, and in how many scenes only one of them does; empty where that says
+    /// nothing.
     pub shares: String,
+    /// What its contacts say of the ego's driving; empty where nothing was assessed.
+    pub contacts_say: String,
+    /// Whether most of them say nothing of it, because no ego could have avoided them.
+    pub weigh: bool,
     /// Chosen minus parent on the held-out scenes.
     pub attack: Option<Estimate>,
     pub realism: Option<Estimate>,
@@ -42,8 +50,10 @@ pub struct Headline {
 pub enum Verdict {
     /// More of one objective, not less of the other.
     Gain,
-    /// More of one, less of the other.
+    /// More attack, less realism.
     Trade,
+    /// More realism, less attack.
+    Concession,
     /// Another program is reported, and the scenes do not tell it from its parent.
     Unsure,
     /// Less of an objective without more of the other.
@@ -116,17 +126,20 @@ fn headline(run: &RecordedRun, group: &LineageId, of: &[&LineageResult]) -> Opti
     let says = match of.len() {
         1 => says(verdict, attack, realism),
         n => format!(
-            "{}, mean of {}{}",
+            "{}, mean of {} ({}{})",
             says(verdict, attack, realism),
             counted(n, "search"),
+            singly(of, verdict),
             match n - evolved {
                 0 => String::new(),
-                kept => format!(", of which {kept} keep the parent"),
+                kept => format!("; {kept} keep the parent"),
             }
         ),
     };
+    let (contacts_say, weigh) = contacts_say(run, best, verdict);
     Some(Headline {
         group: group.clone(),
+        called: called(run, &best.lineage).split(", search").next().unwrap_or_default().to_string(),
         lineage: best.lineage.clone(),
         searches: of.len(),
         verdict,
@@ -135,8 +148,10 @@ fn headline(run: &RecordedRun, group: &LineageId, of: &[&LineageResult]) -> Opti
         shares: shares(run, best, verdict),
         attack,
         realism,
-        contacts: contacts(run, &best.lineage, &best.evolved.solution),
-        avoidable: avoidable(run, &best.lineage, &best.evolved.solution),
+        contacts_say,
+        weigh,
+        contacts: contacts(run, &best.evolved.solution),
+        avoidable: avoidable(run, &best.evolved.solution),
     })
 }
 
@@ -155,7 +170,8 @@ fn verdict(attack: Option<Estimate>, realism: Option<Estimate>) -> Verdict {
     }
     match (side(attack), side(realism)) {
         (1, 0 | 1) | (0, 1) => Verdict::Gain,
-        (1, _) | (-1, 1) => Verdict::Trade,
+        (1, _) => Verdict::Trade,
+        (-1, 1) => Verdict::Concession,
         (0, 0) => Verdict::Unsure,
         _ => Verdict::Loss,
     }
@@ -172,13 +188,17 @@ fn says(verdict: Verdict, attack: Option<Estimate>, realism: Option<Estimate>) -
         (Verdict::Unsure, ..) => format!("no gain that these scenes tell from none: {attacks}, {realisms}"),
         // SafeBench's own scores.
         (Verdict::Plain, ..) => {
-            [of("CR", attack), of("ARS", realism)].into_iter().flatten().collect::<Vec<_>>().join(", ")
+            [of("attack", attack), of("ARS", realism)].into_iter().flatten().collect::<Vec<_>>().join(", ")
         }
-        (Verdict::Gain, 1, 0) => format!("{attacks} at equal realism ({})", realism.map_or("none".into(), signed)),
-        (Verdict::Gain, 0, _) => format!("{realisms} at equal attack ({})", attack.map_or("none".into(), signed)),
+        (Verdict::Gain, 1, 0) => {
+            format!("{attacks}; realism not told from equal ({})", realism.map_or("none".into(), signed))
+        }
+        (Verdict::Gain, 0, _) => {
+            format!("{realisms}; attack not told from equal ({})", attack.map_or("none".into(), signed))
+        }
         (Verdict::Gain, ..) => format!("{attacks} and {realisms}"),
-        (Verdict::Trade, 1, _) => format!("{attacks} for {realisms}"),
-        (Verdict::Trade, ..) => format!("{realisms} for {attacks}"),
+        (Verdict::Trade, ..) => format!("{attacks} for {realisms}"),
+        (Verdict::Concession, ..) => format!("{realisms} for {attacks}"),
         (Verdict::Loss, ..) => format!("worse than its parent: {attacks}, {realisms}"),
     }
 }
@@ -191,44 +211,82 @@ fn signed(of: Estimate) -> String {
     }
 }
 
-/// The share of scenes with an attack before and after, and how many of these contacts the ego could have avoided, where one program
-/// speaks for itself.
+/// The least and the greatest gain of attack of the single searches.
+fn singly(of: &[&LineageResult], verdict: Verdict) -> String {
+    let gains: Vec<f64> = of.iter().map(|one| gain_of(one)).collect();
+    let number = |value: f64| num::signed(value, 3).replace('-', "−");
+    let (least, most) =
+        (gains.iter().copied().fold(f64::MAX, f64::min), gains.iter().copied().fold(f64::MIN, f64::max));
+    let what = if verdict == Verdict::Plain { "attack of single ones" } else { "single ones: attack" };
+    format!("{what} {} to {}", number(least), number(most))
+}
+
+/// The share of scenes with an attack before and after, and the scenes in which only one of both attacks, where one program speaks for
+/// itself.
 fn shares(run: &RecordedRun, of: &LineageResult, verdict: Verdict) -> String {
     let percent = |attack: f64| num::fixed(100.0 * attack, 1);
-    if matches!(verdict, Verdict::Parent | Verdict::Plain) || run.opened.attack.is_some() {
+    if says_nothing(run, verdict) {
         return String::new();
     }
     let (is, was) = (percent(of.evolved.objectives.attack), percent(of.parent.objectives.attack));
-    let said = format!("attacks in {is} % of the scenes, its parent in {was} %");
-    match avoidable(run, &of.lineage, &of.evolved.solution) {
-        [_, 0] => said,
-        [avoidable, assessed] => {
-            let share = num::fixed(100.0 * avoidable as f64 / assessed as f64, 0);
-            format!("{said}; the ego could have avoided {share} % of its contacts")
-        }
+    let [gained, lost] = moved(run, of);
+    format!("attacks in {is} % of the scenes, its parent in {was} %: {} gained, {lost} lost", counted(gained, "scene"))
+}
+
+/// Where one program has no share of scenes of its own: the parent stays, or attack is a score.
+fn says_nothing(run: &RecordedRun, verdict: Verdict) -> bool {
+    matches!(verdict, Verdict::Parent | Verdict::Plain) || run.opened.attack.is_some()
+}
+
+/// Scenes in which only the evolved program attacks, and in which only its parent does.
+fn moved(run: &RecordedRun, of: &LineageResult) -> [usize; 2] {
+    let (was, is) = (run.held_out_labels(&of.parent.solution), run.held_out_labels(&of.evolved.solution));
+    let both = is.iter().filter_map(|(scene, label)| Some((was.get(scene)?.attack > 0.0, label.attack > 0.0)));
+    let count = |wanted| both.clone().filter(|of| *of == wanted).count();
+    [count((false, true)), count((true, false))]
+}
+
+/// What share of the contacts that count the ego could have avoided, beside its parent's, and how many are rams from behind.
+fn contacts_say(run: &RecordedRun, of: &LineageResult, verdict: Verdict) -> (String, bool) {
+    let percent = |[part, all]: [usize; 2]| num::fixed(100.0 * part as f64 / all as f64, 0);
+    let is = avoidable(run, &of.evolved.solution);
+    if says_nothing(run, verdict) || is[1] == 0 {
+        return (String::new(), false);
     }
+    let weigh = 2 * is[0] < is[1];
+    let mut says =
+        format!("The ego could have avoided {}{} % of its contacts", if weigh { "only " } else { "" }, percent(is));
+    let was = avoidable(run, &of.parent.solution);
+    if was[1] > 0 {
+        says += &format!(" (its parent's: {} %)", percent(was));
+    }
+    let contacts = contacts(run, &of.evolved.solution);
+    let all: usize = contacts.iter().map(|(_, count)| count).sum();
+    let rams = contacts
+        .iter()
+        .find(|(class, _)| class == ContactClass::RearEndEgoStruck.name())
+        .map_or(0, |(_, count)| *count);
+    if 5 * rams >= all {
+        says += &format!("; {} % are rams from behind", percent([rams, all]));
+    }
+    (says + ".", weigh)
 }
 
-/// The held-out labels of a program that count as attacks.
-fn counting<'r>(
-    run: &'r RecordedRun,
-    lineage: &'r LineageId,
-    solution: &'r SolutionId,
-) -> impl Iterator<Item = &'r Met> {
-    let held_out = run.held_out.iter().filter(|of| of.lineage == *lineage && of.solution == *solution);
-    let attacks = held_out.flat_map(|of| &of.score.scenes).filter(|label| label.attack > 0.0);
-    attacks.filter_map(|label| label.contact.as_ref())
+/// The contacts of a program on held-out scenes that count as attacks.
+fn counting<'r>(run: &'r RecordedRun, solution: &SolutionId) -> impl Iterator<Item = &'r Met> {
+    let labels = run.held_out_labels(solution).into_values();
+    labels.filter(|label| label.attack > 0.0).filter_map(|label| label.contact.as_ref())
 }
 
-fn avoidable(run: &RecordedRun, lineage: &LineageId, solution: &SolutionId) -> [usize; 2] {
-    let assessed: Vec<bool> = counting(run, lineage, solution).filter_map(|met| met.avoidable).collect();
+fn avoidable(run: &RecordedRun, solution: &SolutionId) -> [usize; 2] {
+    let assessed: Vec<bool> = counting(run, solution).filter_map(|met| met.avoidable).collect();
     [assessed.iter().filter(|avoidable| **avoidable).count(), assessed.len()]
 }
 
 /// Classes of the contacts with an adversary that count as attacks.
-fn contacts(run: &RecordedRun, lineage: &LineageId, solution: &SolutionId) -> Vec<(String, usize)> {
+fn contacts(run: &RecordedRun, solution: &SolutionId) -> Vec<(String, usize)> {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-    for met in counting(run, lineage, solution) {
+    for met in counting(run, solution) {
         *counts.entry(met.class.as_str()).or_default() += 1;
     }
     let mut all: Vec<(String, usize)> = counts.into_iter().map(|(class, n)| (class.to_string(), n)).collect();
@@ -255,14 +313,14 @@ mod tests {
             (estimate(0.08, 0.04, 0.12), estimate(0.001, -0.02, 0.03), estimate(-0.05, -0.09, -0.01));
         let (verdict, text) = sentence(up, none);
         assert_eq!(verdict, Verdict::Gain);
-        assert_eq!(text, "attack +0.080 [+0.040, +0.120] at equal realism (+0.001 [−0.020, +0.030])");
+        assert_eq!(text, "attack +0.080 [+0.040, +0.120]; realism not told from equal (+0.001 [−0.020, +0.030])");
         assert_eq!(sentence(up, down).0, Verdict::Trade);
         assert!(sentence(up, down).1.contains(" for realism −0.050 [−0.090, −0.010]"));
         assert_eq!(sentence(none, none).0, Verdict::Unsure);
         assert!(sentence(none, none).1.starts_with("no gain that these scenes tell from none"));
         assert_eq!(sentence(down, none).0, Verdict::Loss);
-        assert_eq!(sentence(down, up).0, Verdict::Trade);
-        assert!(sentence(none, up).1.contains("at equal attack"));
-        assert_eq!(sentence(Some(Estimate::plain(0.2)), None), (Verdict::Plain, "CR +0.200".into()));
+        assert_eq!(sentence(down, up).0, Verdict::Concession);
+        assert!(sentence(none, up).1.contains("; attack not told from equal"));
+        assert_eq!(sentence(Some(Estimate::plain(0.2)), None), (Verdict::Plain, "attack +0.200".into()));
     }
 }

@@ -7,7 +7,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::super::recorded_run::RecordedRun;
 use super::beside::Words;
 use crate::objects::expr::{Expr, outline};
-use crate::objects::{OperatorNode, Program, Setting, Slot, SolutionId, event::LineageResult, program_diff};
+use crate::objects::{
+    OperatorNode, ParameterValue, Program, Setting, Slot, SolutionId, event::LineageResult, program_diff,
+};
 use crate::text::counted;
 
 /// Clauses of a phrase at most: a reader of the first screen wants the gist.
@@ -41,6 +43,7 @@ pub fn of(run: &RecordedRun, result: &LineageResult, words: &Words) -> Option<Va
         "says": phrase(parent, chosen),
         "steps": steps,
         "changes": words.changes.get(&chosen.solution_id),
+        "flow": words.flows.get(&chosen.solution_id),
         "modules": modules.collect::<Vec<_>>(),
         "diff": program_diff(parent, chosen),
     }))
@@ -88,7 +91,7 @@ pub fn phrase(parent: &Program, chosen: &Program) -> String {
         })
         .map(|(name, _)| name)
         .collect();
-    clauses.extend(moved.iter().map(|name| format!("another {}", plain(name))));
+    clauses.extend(moved.iter().map(|name| format!("another {}", quoted(name))));
     let rules = chosen
         .scenario_conditioned_policy
         .iter()
@@ -101,13 +104,17 @@ pub fn phrase(parent: &Program, chosen: &Program) -> String {
         .parameters
         .iter()
         .filter(|(name, value)| parent.parameters.get(*name) != Some(value))
-        .map(|(name, _)| plain(name))
+        .map(|(name, value)| match parent.parameters.get(name) {
+            Some(old) => format!("{} {} in place of {}", plain(name), valued(value), valued(old)),
+            None => format!("{} {}", plain(name), valued(value)),
+        })
         .collect();
     match &set[..] {
         [] => {}
-        [one] => clauses.push(format!("another {one}")),
-        [first, ..] => clauses.push(format!("another {first} and {}", counted(set.len() - 1, "further parameter"))),
+        [one] => clauses.push(one.clone()),
+        [first, ..] => clauses.push(format!("{first} and {}", counted(set.len() - 1, "further parameter"))),
     }
+    let mut clauses = counted_once(clauses);
     let left = clauses.len().saturating_sub(CLAUSES_MAX);
     clauses.truncate(CLAUSES_MAX);
     if left > 0 {
@@ -139,36 +146,78 @@ fn clause(node: &OperatorNode, old: Option<&OperatorNode>) -> String {
         || node.settings.iter().filter(|(name, value)| old.is_none_or(|old| old.settings.get(*name) != Some(value)));
     let modules: Vec<String> = new()
         .filter_map(|(_, setting)| match setting {
-            Setting::Mechanism(of) => Some(plain(&of.mechanism)),
+            Setting::Mechanism(of) => Some(quoted(&of.mechanism)),
             _ => None,
         })
         .collect();
-    let by = if modules.is_empty() { String::new() } else { format!(" ({})", modules.join(", ")) };
+    let by = if modules.is_empty() { String::new() } else { format!(" by {}", joined(&modules)) };
     let count = match node.settings.get("count") {
         Some(Setting::Number(count)) if *count >= 1.0 => Some(*count as usize),
         _ => None,
     };
+    let chosen = if by.is_empty() { " by rank" } else { &by };
     let (noun, kind) = (noun(node.slot), plain(&node.kind));
     match (node.slot, count, old) {
         (Slot::Law, ..) => format!("road users that answer the ego as they drive{by}"),
-        (Slot::Actor, Some(1), _) => format!("one adversary, chosen by rank{by}"),
-        (Slot::Actor, Some(count), _) => format!("{count} adversaries, chosen by rank{by}"),
+        (Slot::Actor, Some(1), _) => format!("one adversary, chosen{chosen}"),
+        (Slot::Actor, Some(count), _) => format!("{count} adversaries, chosen{chosen}"),
+        (Slot::Filter, _, None) => match (node.kind.as_str(), node.inputs.len()) {
+            ("reshape", _) => format!("candidates driven otherwise{by}"),
+            ("first_of", _) => "a second way for where the first does not serve".into(),
+            (_, 2..) => format!("two ways, joined by {kind}{by}"),
+            _ => format!("a {kind}{by}"),
+        },
         (_, _, None) if kind.contains(noun.rsplit(' ').next().unwrap_or(noun)) => format!("a {kind}{by}"),
-        (_, _, None) => format!("the {noun} by {kind}{by}"),
+        (_, _, None) => match by.is_empty() {
+            true => format!("the {noun} by {kind}"),
+            false => format!("the {noun} by {kind} with {}", joined(&modules)),
+        },
         (slot, ..) => {
-            let value = |setting: &Setting| match setting {
-                Setting::Number(number) => format!(" {number}"),
-                Setting::Choice(word) => format!(" {}", plain(word)),
-                Setting::Parameter(_) | Setting::Mechanism(_) => String::new(),
+            let value = |(name, setting): (&String, &Setting)| match setting {
+                Setting::Number(number) => Some(format!("{} {number}", plain(name))),
+                Setting::Choice(word) => Some(format!("{} {}", plain(name), plain(word))),
+                Setting::Parameter(_) => Some(plain(name)),
+                Setting::Mechanism(_) => None,
             };
-            let set: Vec<String> = new().take(2).map(|(name, of)| format!("{}{}", plain(name), value(of))).collect();
+            let set: Vec<String> = new().filter_map(value).take(2).collect();
             let noun = if slot == Slot::Actor { "road users" } else { noun };
-            match set.is_empty() {
-                true => format!("fewer settings of the {noun}"),
-                false => format!("{noun} with {}{by}", joined(&set)),
+            match (set.is_empty(), by.is_empty()) {
+                (true, true) => format!("fewer settings of the {noun}"),
+                (true, false) => format!("{noun}{by}"),
+                (false, true) => format!("{noun} with {}", joined(&set)),
+                (false, false) => format!("{noun}{by}, with {}", joined(&set)),
             }
         }
     }
+}
+
+fn valued(value: &ParameterValue) -> String {
+    match value {
+        ParameterValue::Number(number) => number.to_string(),
+        ParameterValue::Choice(word) => plain(word),
+    }
+}
+
+/// The name that a proposer gave to something.
+fn quoted(name: &str) -> String {
+    format!("“{}”", plain(name))
+}
+
+/// Each clause once, and how often where that is more than once.
+fn counted_once(clauses: Vec<String>) -> Vec<String> {
+    let mut counts: Vec<(String, usize)> = Vec::new();
+    for clause in clauses {
+        match counts.iter_mut().find(|(known, _)| *known == clause) {
+            Some((_, times)) => *times += 1,
+            None => counts.push((clause, 1)),
+        }
+    }
+    let said = |(clause, times): (String, usize)| match times {
+        1 => clause,
+        2 => format!("{clause} (twice)"),
+        _ => format!("{clause} ({times} times)"),
+    };
+    counts.into_iter().map(said).collect()
 }
 
 fn plain(name: &str) -> String {
@@ -218,7 +267,7 @@ mod tests {
         let after = program(json!({"actor": ranked, "law": law}), json!({}), json!({"a_m": 2.0, "b_m": 1.0}));
         assert_eq!(
             phrase(&before, &after),
-            "road users that answer the ego as they drive (lean in), 2 adversaries, chosen by rank and another a m"
+            "road users that answer the ego as they drive by “lean in”, 2 adversaries, chosen by rank and a m 2 in place of 1"
         );
         assert_eq!(phrase(&before, &before), "");
         let timed = json!({"slot": "timing", "kind": "conflict_window", "settings": {}, "inputs": []});
@@ -229,5 +278,16 @@ mod tests {
             json!({"a_m": 2.0, "b_m": 3.0}),
         );
         assert!(phrase(&before, &more).ends_with("and 2 further changes"), "{}", phrase(&before, &more));
+    }
+
+    #[test]
+    fn a_clause_is_said_once_and_names_of_the_proposer_stand_in_quotes() {
+        let search =
+            |settings: Value| json!({"slot": "search", "kind": "posterior", "settings": settings, "inputs": []});
+        let scored = || search(json!({"score": {"mechanism": "keep_way"}}));
+        let reshape = json!({"slot": "filter", "kind": "reshape", "settings": {"speed": {"mechanism": "gain"}}, "inputs": ["one"]});
+        let before = program(json!({"one": search(json!({}))}), json!({}), json!({}));
+        let after = program(json!({"one": scored(), "two": scored(), "faster": reshape}), json!({}), json!({}));
+        assert_eq!(phrase(&before, &after), "search by “keep way” (twice) and candidates driven otherwise by “gain”");
     }
 }

@@ -57,7 +57,7 @@ pub fn html(run: &RecordedRun, stage: &Stage, beside: &Beside<'_>) -> String {
         ("/*TITLE*/", format!("{} – EvoDrive report", escaped(&run.opened.name))),
         ("/*STYLE*/", format!("{PLAYER_CSS}\n{STYLE}")),
         ("/*HEADER*/", answer::header(run)),
-        ("/*ANSWER*/", answer::html(run, &headlines, stage)),
+        ("/*ANSWER*/", answer::html(run, &headlines, stage, beside.selector.realism_min)),
         ("/*DATA*/", packed::held(data)),
         ("/*PLAYER*/", PLAYER_JS.into()),
         ("/*SCRIPT*/", format!("{UNPACK}\n{}", SCRIPT.join("\n"))),

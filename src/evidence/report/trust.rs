@@ -61,12 +61,14 @@ pub fn badges(run: &RecordedRun, stage: &Stage) -> Vec<Badge> {
         (0, _) => badge(Standing::Unknown, "no rollout simulated again".into(), rests),
         (all, same) if same == all => badge(
             Standing::Holds,
-            format!("{all} of {all} played rollouts simulated again, equal to the record"),
+            format!("{} shown here simulated again, equal to the record", counted(all, "rollout")),
             rests,
         ),
-        (all, same) => {
-            badge(Standing::Against, format!("{} of {all} played rollouts differ from the record", all - same), rests)
-        }
+        (all, same) => badge(
+            Standing::Against,
+            format!("{} of {all} rollouts shown here differ from the record", all - same),
+            rests,
+        ),
     });
     badges.push(badge(
         Standing::Unknown,
@@ -88,7 +90,13 @@ fn proposers(run: &RecordedRun) -> Badge {
     }
     let (says, standing) = match scripted.contains(&"actor") {
         true => ("proposed by the scripted stand-in".to_string(), Standing::Note),
-        false => (format!("proposed by a model: {actor}"), Standing::Holds),
+        false => {
+            let critics = match scripted.iter().any(|role| role.ends_with("critic")) {
+                true => "; critics are rules",
+                false => "",
+            };
+            (format!("proposed by a model: {actor}{critics}"), Standing::Holds)
+        }
     };
     let roles: Vec<String> = scripted.iter().map(|role| role.replace('_', " ")).collect();
     let rests_on = match roles.is_empty() {

@@ -71,8 +71,12 @@ mod tests {
             [("actor", "exchange (agent, big)"), ("repair", "exchange (agent, big)"), ("realism_critic", "scripted")];
         let mut recorded = run("made", &models);
         add(&mut recorded, &CAT);
-        recorded.declared.setting =
-            Setting { simulator: "ours".into(), pool: "generated".into(), reading: "every contact".into() };
+        recorded.declared.setting = Setting {
+            simulator: "ours".into(),
+            pool: "generated".into(),
+            reading: "every contact".into(),
+            ..Setting::default()
+        };
         let expected = " Simulator: ours. Pool: generated, 2 for evolution, 4 held out. Ego: IDM. Attack: every contact. \
                         Proposals: exchange (agent, big); critics: a rule-based stand-in, no language model. Searches a row: 1 seed.";
         assert_eq!(rests_on(&metadrive_policy(&[recorded.clone()]).unwrap()), expected);

@@ -1,29 +1,40 @@
 // --- the first screen: what evolved, by how much, by what, and why it can be believed
-const VERDICTS = { gain: ["▲", "gained"], trade: ["◆", "traded"], unsure: ["○", "no gain"], loss: ["▼", "lost"], parent: ["=", "parent stays"], plain: ["●", "no interval"] };
 const lead = (text, most) => { if (text.length <= most) return text; const cut = text.slice(0, most), stop = Math.max(cut.lastIndexOf(". "), cut.lastIndexOf("; ")); return stop > most / 2 ? cut.slice(0, stop + 1) : `${cut.slice(0, cut.lastIndexOf(" "))} …`; };
-const contactsInWords = ({ contacts, avoidable: [avoidable, assessed] }) => { const all = contacts.reduce((sum, [, n]) => sum + n, 0); return contacts.slice(0, 2).map(([name, n]) => `${plain(name)} ${fixed(100 * n / all, 0)} %`).join(", ") + (assessed ? `; the ego could have avoided ${fixed(100 * avoidable / assessed, 0)} % of ${assessed}` : ""); };
+const CLASS_WORDS = { ego_strikes: "the ego runs into the other", ego_sideswipes: "the ego sideswipes the other", stationary_hit: "the ego runs into something that stands", cut_in: "the other cuts in", crossing: "crossing", head_on: "head on", sideswipe: "the other sideswipes the ego", rear_end_ego_struck: "the ego is rammed from behind" };
+const contactsInWords = ({ contacts, avoidable: [avoidable, assessed] }) => { const all = contacts.reduce((sum, [, n]) => sum + n, 0); return contacts.slice(0, 2).map(([name, n]) => `${CLASS_WORDS[name] || plain(name)} ${fixed(100 * n / all, 0)} %`).join(", ") + (assessed ? `; the ego could have avoided ${fixed(100 * avoidable / assessed, 0)} % of ${assessed}` : ""); };
 
 function drawAnswer() {
   const best = bestLineage(), headline = best && headlineOf(best), page = byId("answer-more"), result = best && best.result;
   byId("answer").querySelectorAll("li[data-lineage]").forEach((row) => { row.onclick = () => go({ tab: "mechanism", lineage: row.dataset.lineage }); row.title = "shows what it does"; });
   if (!best) return page.replaceChildren(note("No lineage has begun."));
   const chart = el("div"), play = el("div", { id: "answer-film" });
-  const told = [];
+  const sections = [];
   if (result) {
     const evolved = result.evolved.solution, stays = evolved === result.parent.solution, program = shortId(evolved, best);
-    told.push(el("section", { class: "part" }, el("h2", {}, stays ? `${best.id}: the parent stays` : `What ${best.group || best.id} does now`), ...mechanismGist(best)));
+    sections.push(el("section", { class: "part" }, el("h2", {}, stays ? `${best.id}: the parent stays` : `What ${best.group || best.id} does now`), ...mechanismGist(best)));
     const scenes = [...new Set(stage.rollouts.filter((p) => p.solution === evolved).map((p) => p.scene))];
     const both = scenes.filter((scene) => rolloutOf(result.parent.solution, scene));
     const scene = both.find((s) => { const [p, c] = [rolloutOf(result.parent.solution, s), rolloutOf(evolved, s)]; return c.contact && !p.contact; }) || both[0] || scenes[0];
     if (scene) {
-      told.unshift(el("section", { class: "part" }, el("h2", {}, stays ? "What the parent does" : "Before and after, in one scene"), play, note(`Held-out scene ${scene}, chosen because it tells most of what changed${both.length > 1 ? "; " : ". "}`, both.length > 1 ? link({ tab: "scenes", lineage: best.id }, `${counted(both.length, "such scene")} and the outcome of all`) : null, both.length > 1 ? ". " : null, `Other drivers and seeds may give other outcomes.`)));
+      sections.unshift(el("section", { class: "part" }, el("h2", {}, stays ? "What the parent does" : "Before and after, in one scene"), play, filmKey(scene, [result.parent.solution, evolved]), note(otherActors(scene, result.parent.solution, evolved), `Held-out scene ${scene}, chosen because it tells most of what changed${both.length > 1 ? "; " : ". "}`, both.length > 1 ? link({ tab: "scenes", lineage: best.id }, `${counted(both.length, "such scene")} and the outcome of all`) : null, both.length > 1 ? ". " : null, `Other drivers and seeds may give other outcomes.`)));
       setTimeout(() => { if (play.isConnected) film(play, scene, stays ? [["Parent", evolved]] : [["Before: parent", result.parent.solution], [`After: ${program}`, evolved]], { height: matchMedia("(max-width: 700px)").matches ? 210 : 270, at: "contact" }); }, 0);
     }
   }
   const exits = ["declined", "invalid", "rejected", "evaluated"], n = (exit) => data.attempts.filter((a) => a.exit === exit).length;
-  const counts = el("p", { id: "counts", class: "note" }, `${counted(data.attempts.length, "attempt")}: `, exits.map((exit) => `${n(exit)} ${exit}`).join(", "), `; ${data.attempts.filter(accepted).length} accepted; ${data.rollouts ?? "–"} rollouts. `, link({ tab: "attempts" }, "All attempts"), " · ", link({ tab: "records" }, "all numbers"), ".");
-  put(page, el("div", { class: told.length ? "answer-grid" : null }, told.length ? el("div", {}, ...told.slice(0, 1)) : null, el("section", { class: "part" }, el("h2", {}, result ? `Held-out front of ${best.id}` : `The front of ${best.id} so far`), el("figure", { id: "answer-front" }, chart))), ...told.slice(1), creditPart(best), othersPart(), counts);
+  const counts = el("p", { id: "counts", class: "note" }, `${counted(data.attempts.length, "attempt")}: `, exits.map((exit) => `${n(exit)} ${exit}`).join(", "), `; of the evaluated ones ${data.attempts.filter(accepted).length} were accepted, and of these ${data.attempts.filter((a) => a.decision && a.decision.promoted).length} promoted; ${data.rollouts ?? "–"} rollouts. `, link({ tab: "attempts" }, "All attempts"), " · ", link({ tab: "records" }, "all numbers"), ".");
+  put(page, el("div", { class: sections.length ? "answer-grid" : null }, sections.length ? el("div", {}, ...sections.slice(0, 1)) : null, el("section", { class: "part" }, el("h2", {}, result ? `Held-out front of ${best.id}` : `The front of ${best.id} so far`), el("figure", { id: "answer-front" }, chart))), ...sections.slice(1), creditPart(best), othersPart(), counts);
   fitting(() => plane(chart, best, data.sealed ? "held_out" : "search", { most: 620, height: 340 }));
+}
+// That the two programs drive different road users, where they do.
+function otherActors(scene, parent, evolved) {
+  const [was, is] = [parent, evolved].map((solution) => { const rollout = rolloutOf(solution, scene); return rollout ? merged(rollout).actors.filter((a) => a.role === "adversary").map((a) => a.label).join(", ") : ""; });
+  return was && is && was !== is ? `The parent drives ${was}, this program ${is}. ` : "";
+}
+// What the colours of the films are, of the roles that occur in them.
+const ROLE_WORDS = { ego: "driver under test", adversary: "road user whom the program drives", ghost: "as it was recorded", interacting: "marked as interacting in the data", traffic: "other traffic" };
+function filmKey(scene, solutions) {
+  const rollouts = solutions.map((solution) => rolloutOf(solution, scene)).filter(Boolean), roles = new Set(rollouts.flatMap((r) => merged(r).actors.map((a) => a.role)));
+  return el("p", { class: "note film-key" }, Object.entries(ROLE_WORDS).filter(([role]) => roles.has(role)).map(([role, words]) => el("span", { class: "key" }, el("i", { class: `swatch ${role}` }), words)), rollouts.some((r) => r.contact) ? el("span", { class: "key" }, el("b", { class: "ring", "aria-hidden": "true" }, "⊕"), " contact") : null);
 }
 // The phrase of the program's structure, the proposer's own words, the first changes, the diff below.
 function mechanismGist(lineage) {
@@ -32,10 +43,12 @@ function mechanismGist(lineage) {
   if (!m) return [note("No descendant was better by the rule of the experiment, so the program that was published is what the run reports. ", link({ tab: "front", lineage: lineage.id }, "Why"))];
   const words = m.steps.map(attemptOf).filter((a) => a && a.hypothesis);
   return [m.says ? el("p", { class: "gist" }, `${capital(m.says)}.`) : null,
+    m.modules.length ? el("dl", { class: "named" }, m.modules.slice(0, 6).flatMap((module) => [el("dt", {}, `“${plain(module.name)}”`), el("dd", {}, `${module.what}: ${lead(module.outline.map(([, line]) => line).join(" "), 220)}`)])) : null,
     headline.lineage === lineage.id && headline.contacts.length ? el("p", {}, "Its contacts that count: ", contactsInWords(headline), ".") : null,
-    ...words.map((a) => el("blockquote", {}, lead(a.hypothesis, 420), " ", el("cite", {}, "– ", link({ tab: "attempts", attempt: a.id }, a.id), ", what its proposer expected"))),
+    words.length ? el("p", { class: "note" }, words.length > 1 ? `What its proposer expected of each of its ${words.length} patches:` : "What its proposer expected:") : null,
+    ...words.map((a) => el("blockquote", {}, lead(a.hypothesis, 420), " ", el("cite", {}, "– ", link({ tab: "attempts", attempt: a.id }, shortId(a.id, lineage))))),
     el("details", { class: "diff-box" }, el("summary", {}, `The change as a diff (${m.diff.split("\n").filter((l) => /^[+-](?![+-])/.test(l)).length} lines)`), diffText(m.diff)),
-    el("p", {}, link({ tab: "mechanism", lineage: lineage.id }, "Every change and expression in words"))];
+    el("p", {}, link({ tab: "mechanism", lineage: lineage.id }, "What it does step by step, every expression and change"))];
 }
 const diffText = (text) => el("pre", { class: "diff", tabindex: 0 }, text.split("\n").map((line) => el("span", { class: line.startsWith("+") ? "add" : line.startsWith("-") ? "del" : line.startsWith("@@") ? "hunk" : null }, line + "\n")));
 
@@ -43,8 +56,10 @@ const diffText = (text) => el("pre", { class: "diff", tabindex: 0 }, text.split(
 function creditPart(lineage) {
   const credit = lineage.credit;
   if (!credit) return !lineage.mechanism ? null : el("section", { class: "part", id: "credit" }, el("h2", {}, "Credit of each patch"), note("Not worked out yet: ", el("code", {}, "evodrive report --credit"), " plays the chosen program without each of its patches, and adds it here."));
-  const cells = (gain) => [estimate(gain && gain.attack, true), estimate(gain && gain.realism, true)];
-  const rows = credit.edits.map((e) => [{ by: e.name, node: link({ tab: "attempts", attempt: e.name }, e.name) }, ...cells(e.so_far), ...cells(e.needed), ...cells(e.alone)]);
+  // The interval stands below the value, so that all columns fit a page.
+  const stacked = (e) => !e ? "–" : { by: estimate(e, true), node: el("span", { class: "stacked" }, signed(e.value, 3), e.interval ? el("small", {}, `[${e.interval.map((x) => signed(x, 3)).join(", ")}]`) : null) };
+  const cells = (gain) => [stacked(gain && gain.attack), stacked(gain && gain.realism)];
+  const rows = credit.edits.map((e) => [{ by: e.name, node: link({ tab: "attempts", attempt: e.name }, shortId(e.name, lineage)) }, ...cells(e.so_far), ...cells(e.needed), ...cells(e.alone)]);
   return el("section", { class: "part", id: "credit" }, el("h2", {}, "Credit of each patch"), list(credit.edits.map((e) => e.says)),
     sortable(["Patch", "attack", "realism", "attack", "realism", "attack", "realism"], [["all together", ...cells(credit.whole), ...cells(credit.whole), "–", "–"], ...rows], `credit-${lineage.id}`, { groups: [["", 1], ["With the patches so far", 2], ["Lost without it", 2], ["Alone on the parent", 2]], file: ["patch", ...["so far", "lost without it", "alone"].flatMap((of) => [`${of}: attack`, `${of}: realism`])] }),
     note("On the held-out scenes, paired by scene; in brackets 95 % bootstrap intervals over scenes. So far: the parent with the patches up to this one minus the parent. Lost without it: the chosen program minus the program without this patch. Alone: the parent with this patch minus the parent. Shares need not add up to the whole, because patches may need each other or do the same."));
@@ -66,8 +81,9 @@ function drawMechanism() {
     el("pre", { class: "outline", tabindex: 0 }, module.outline.map(([depth, line]) => `${"   ".repeat(depth)}${line}\n`)),
     Object.keys(module.meanings).length ? el("details", {}, el("summary", {}, "What its words mean"), el("dl", {}, Object.entries(module.meanings).flatMap(([name, means]) => [el("dt", {}, plain(name)), el("dd", {}, means)]))) : null);
   put(byId("mechanism"), part(`What ${chosenOf(lineage)} does otherwise than its parent`, lineageControls(lineage), ...mechanismGist(lineage).filter((n) => !n || n.tagName !== "P" || !n.querySelector("a[href*='tab=mechanism']"))),
-    m && m.changes && m.changes.length ? part("Every change, in words", list(m.changes)) : null,
+    m && m.flow && m.flow.length ? part("What it does with a scene, step by step", el("ol", { class: "flow" }, m.flow.map((step) => el("li", { class: step.is_new ? "new" : null, style: `margin-left: ${22 * step.depth}px` }, step.is_new ? el("b", {}, "new ") : null, step.says))), note("Steps without a mark are the parent's. Names in quotes are expressions, which stand below.")) : null,
     m && m.modules.length ? part("Its expressions, in words", el("div", { class: "modules" }, m.modules.map(expression))) : null,
+    m && m.changes && m.changes.length ? el("section", { class: "part" }, el("details", { class: "diff-box" }, el("summary", {}, `Every change, part by part (${m.changes.length})`), list(m.changes))) : null,
     creditPart(lineage), comparePart(lineage));
 }
 function comparePart(lineage) {

@@ -31,7 +31,7 @@ function plane(place, lineage, suite, { most = 760, height = 420 } = {}) {
   const bars = points.flatMap((p) => p.spread && (p.parent || p.chosen) ? p.spread[1] : []), risers = points.flatMap((p) => p.spread && (p.parent || p.chosen) ? p.spread[0] : []);
   const xs = [...points, ...others].map((p) => p.objectives.realism), ys = [...points, ...others].map((p) => p.objectives.attack);
   const near = rule !== null && rule !== undefined && Math.abs(rule - Math.max(...xs)) < 0.15 ? [rule] : [];
-  const chart = axes(width, height, robust(xs, [...[...key, ...others].map((p) => p.objectives.realism), ...bars, ...near], 0.004, 0, 1), padded([...ys, ...risers], 0.02, 0, 1), `${STRICT()} →`, "attack →");
+  const chart = axes(width, height, robust(xs, [...[...key, ...others].map((p) => p.objectives.realism), ...bars, ...near], 0.004, 0, 1), padded([...ys, ...risers], 0.02, 0, 1), `${STRICT()} →`, data.safebench ? "attack: CR (1 − OS) →" : "attack →");
   const { root, x, y, box } = chart, taken = [];
   const inside = (p) => p.objectives.realism >= chart.xRange[0] - 1e-9, px = (p) => x(Math.max(chart.xRange[0], p.objectives.realism)), py = (p) => y(p.objectives.attack);
   if (near.length) {
@@ -73,7 +73,7 @@ function plane(place, lineage, suite, { most = 760, height = 420 } = {}) {
   const played = data.replay.find((r) => r.suite === (suite === "held_out" ? "held_out" : "evolution") && r.ego === lineage.ego);
   place.replaceChildren(root, downloads(root, `front-${lineage.id}-${suite}`, [["program", "attack", STRICT(), "measured on", "standing"], ...points.map((p) => [p.solution, p.objectives.attack, p.objectives.realism, p.on, p.words]), ...others.map((p) => [p.solution, p.objectives.attack, p.objectives.realism, p.on, `${p.text}, run ${p.run}`])]),
     note({
-      held_out: `Each program once, on the ${(points[0] || {}).on}, which were opened after the choice${near.length ? ", so that a chosen program may fall short of the rule here" : ""}. Bars: 95 % over scenes drawn anew; parent and chosen share their scenes, so the difference is surer than the bars look.${others.length ? " Named by their search: what other runs report." : ""}`,
+      held_out: `Each program once, on the ${(points[0] || {}).on}, which were opened after the choice${near.length ? ", so that a chosen program may fall short of the rule here" : ""}.${bars.length ? " Bars: 95 % over scenes drawn anew; parent and chosen share their scenes, so the difference is surer than the bars look." : ""}${others.length ? " Named by their search: what other runs report." : ""}`,
       pool: "The programs among which the run chose, each measured on every scene of the evolution pool.",
       search: "Every evaluated program once: members of the front on the scenes of all windows, the others on the window of their epoch, so places of different windows are not strictly comparable.",
     }[suite], off ? ` ${counted(off, "program")} of lower ${STRICT()} at the left edge (◂).` : "", played ? ` Without a program the ego crashes in ${fixed(100 * played.contact_rate, 1)} % of these scenes.` : ""));
@@ -114,7 +114,7 @@ function choicePart(lineage) {
 // --- lineage tree: epochs from left to right, an edge from the parent that was edited
 function drawLineage() {
   const lineage = lineageOf(state.lineage) || bestLineage(), attempts = data.attempts.filter((a) => a.lineage === lineage.id), chosen = chosenOf(lineage);
-  const epochs = Math.max(0, ...attempts.map((a) => a.epoch)) + 1, slots = Math.max(0, ...attempts.map((a) => a.slot)) + 1, top = 34;
+  const epochs = Math.max(0, ...attempts.map((a) => a.epoch)) + 1, slots = Math.max(0, ...attempts.map((a) => a.slot)) + 1, top = 46;
   const dx = Math.max(84, Math.min(170, 1040 / (epochs + 1))), dy = Math.max(15, Math.min(28, 620 / slots)), width = 70 + dx * epochs + 40, height = top + dy * slots + 8, middle = top + dy * (slots - 1) / 2;
   const at = (a) => [40 + dx * (a.epoch + 1), top + dy * a.slot], place = new Map([[lineage.parent, [40, middle]]]);
   for (const a of attempts) if (a.solution) place.set(a.solution, at(a));
@@ -124,7 +124,9 @@ function drawLineage() {
   for (let e = 0; e < epochs; e++) root.append(svg("text", { class: "dim", x: 40 + dx * (e + 1), y: 14, "text-anchor": "middle" }, `epoch ${e}`));
   for (const a of [...attempts].sort((a, b) => chain.has(a.id) - chain.has(b.id))) {
     const from = place.get(a.parent) || [40, middle], to = at(a);
-    root.append(svg("path", { class: chain.has(a.id) ? "edge chain" : "edge", d: `M${from[0]},${from[1]} C${from[0] + dx / 2},${from[1]} ${to[0] - dx / 2},${to[1]} ${to[0]},${to[1]}` }));
+    // A way over an epoch bends, so that it does not run through the signs of that epoch.
+    const bend = to[0] - from[0] > 1.5 * dx ? 0.6 * dy : 0;
+    root.append(svg("path", { class: chain.has(a.id) ? "edge chain" : "edge", d: `M${from[0]},${from[1]} C${from[0] + dx / 2},${from[1] + bend} ${to[0] - dx / 2},${to[1] + bend} ${to[0]},${to[1]}` }));
   }
   root.append(sign("square", 40, middle, 7, "var(--ink)"), svg("text", { x: 40, y: middle + 22, "text-anchor": "middle" }, "parent"));
   for (const a of attempts) {

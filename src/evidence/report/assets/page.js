@@ -8,13 +8,15 @@ function mark() {
     if (open) { a.setAttribute("aria-current", "page"); a.parentNode.scrollLeft = a.offsetLeft - a.parentNode.clientWidth / 2 + a.offsetWidth / 2; } else a.removeAttribute("aria-current");
   }
 }
+// Tabs fade where more of them lie beyond the edge.
+function fade() { const nav = document.querySelector("nav"); nav.classList.toggle("fades", nav.scrollLeft + nav.clientWidth < nav.scrollWidth - 2); }
 function show() {
   const before = state.tab;
   readState();
   if (!TABS[state.tab]) state.tab = "answer";
   stopFilms(); charts = [];
   for (const name of Object.keys(TABS)) byId(name).hidden = name !== state.tab;
-  mark();
+  mark(); fade();
   if (data.lineages.length || state.tab === "records" || state.tab === "answer") TABS[state.tab]();
   document.body.dataset.tab = state.tab;
   if (before !== state.tab) scrollTo(0, 0);
@@ -50,8 +52,9 @@ function follow() {
   [data, stage, figures = []] = await EvoUnpack.whole(JSON.parse(byId("data").textContent));
   addEventListener("hashchange", show); addEventListener("popstate", show);
   let width = innerWidth;
-  addEventListener("resize", () => { if (innerWidth !== width) { width = innerWidth; mark(); charts.forEach((draw) => draw()); } });
+  addEventListener("resize", () => { if (innerWidth !== width) { width = innerWidth; mark(); fade(); charts.forEach((draw) => draw()); } });
   document.querySelectorAll("nav a").forEach((a) => a.addEventListener("click", (e) => { if (!e.ctrlKey && !e.metaKey) { e.preventDefault(); go({ tab: new URLSearchParams(a.hash.slice(1)).get("tab") || "answer" }); } }));
+  document.querySelector("nav").addEventListener("scroll", fade, { passive: true });
   readState(); keys(); show(); follow();
   document.querySelectorAll("h2, th").forEach(explain);
   document.body.dataset.ready = "yes";

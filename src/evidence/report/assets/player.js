@@ -13,15 +13,16 @@ function merged(rollout) {
   const ghosts = base.actors.filter((a) => adversaries.has(a.label)).map((a) => ({ ...a, label: `${a.label} as logged`, role: "ghost" }));
   return { ...base, actors: [...ghosts, ...kept.filter((a) => a.role !== "ego"), ...changed.values(), ...kept.filter((a) => a.role === "ego")], contact: rollout.contact };
 }
+const NEAR_M = 16; // so that a car is wider than its name is high
 // The part of the world that tells a story: the way of ego and adversaries in the seconds around the contact, or all of it without one.
 function around(drawings) {
   const met = drawings.map((d) => d.contact).filter(Boolean).pop(), points = [];
   for (const d of drawings) for (const a of d.actors) {
     if (a.role !== "ego" && a.role !== "adversary") continue;
-    a.samples.forEach((s, k) => { if (s && (met ? k >= met.step - 28 && k <= met.step + 4 : k >= d.current_step)) points.push(s); });
+    a.samples.forEach((s, k) => { if (s && (met ? k >= met.step - 20 && k <= met.step + 4 : k >= d.current_step)) points.push(s); });
   }
   if (!met) return points;
-  const near = points.filter(([x, y]) => Math.hypot(x - met.point[0], y - met.point[1]) < 45);
+  const near = points.filter(([x, y]) => Math.hypot(x - met.point[0], y - met.point[1]) < NEAR_M);
   return near.length ? near : points;
 }
 // What a page shows of somebody whom it does not name: in which file and by which command it is drawn.

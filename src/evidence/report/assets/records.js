@@ -53,9 +53,9 @@ function drawCost() {
   if (!cost) return byId("cost").replaceChildren(part("Cost", note("The run folder holds no cost.")));
   const wall = cost.lineages.reduce((sum, l) => sum + l.wall_s, 0), tokens = (n) => [n, 0, n ? n.toLocaleString("en") : "–"];
   const head = ["Lineage", "Wall s", "Share", "Rollouts", "Rollout s", "Compiled", "Compile s", "Answers", "Model s", "Tokens in", "Tokens out"];
-  const line = (l) => [l.lineage, [l.wall_s, 1], [wall ? 100 * l.wall_s / wall : null, 0, wall ? `${fixed(100 * l.wall_s / wall, 0)} %` : "–"], [l.rollouts, 0], [l.rollout_s, 1], [l.compiled, 0], [l.compile_s, 1], [l.answers, 0], [l.model_s, 1], tokens(l.input_tokens), tokens(l.output_tokens)];
+  const line = (l) => [l.lineage, [l.wall_s, 1], [wall ? 100 * l.wall_s / wall : null, 0, wall ? `${fixed(100 * l.wall_s / wall, 0)} %` : "–"], [l.rollouts, 0], [l.rollout_s, 1], [l.compiled, 0], [l.compile_s, 1], [l.answers, 0], l.model_s ? [l.model_s, 1] : [null, 1, "–"], tokens(l.input_tokens), tokens(l.output_tokens)];
   const table = el("div", { id: "cost-table" }, sortable(head, [...cost.lineages].sort((a, b) => b.wall_s - a.wall_s).map(line), "cost"));
-  byId("cost").replaceChildren(part("Cost", table, note(`${cost.simulated} rollouts simulated and ${cost.reused} read from the store in ${fixed(wall, 1)} s on ${cost.threads} threads. Times of rollouts, compiling and models are summed over threads; compiling includes a family's own search and the simulations in it. No result depends on these times.`)));
+  byId("cost").replaceChildren(part("Cost", table, note(`${cost.simulated} rollouts simulated and ${cost.reused} read from the store in ${fixed(wall, 1)} s on ${cost.threads} threads. Times of rollouts, compiling and models are summed over threads; compiling includes a family's own search and the simulations in it. No result depends on these times.${cost.lineages.some((l) => l.answers && !l.model_s) ? " Where answers came from a recording or through files, nobody measured what the model took." : ""}`)));
 }
 
 // --- records: every number of the result, the audit, the provenance, the figures
@@ -81,11 +81,11 @@ function drawRecords() {
   const breaches = data.findings.filter((f) => f.gravity === "breach").length, models = Object.entries(data.models);
   const marks = { holds: "✓", note: "!", against: "✗", unknown: "?" };
   put(byId("records"), resultPart(),
-    el("section", { class: "part", id: "audit" }, el("h2", {}, "Audit"), note(!data.findings.length ? "No findings: the record is consistent and keeps the rules that every run must keep." : breaches ? `${breaches} breaches: the result cannot be trusted.` : "The record is sound. Notes for whoever uses the result:"), list(data.findings.map((f) => `${f.gravity} (${f.check}) ${f.place}: ${f.what}`))),
+    el("section", { class: "part", id: "audit" }, el("h2", {}, "Audit"), note(!data.findings.length ? "No findings: the record is consistent and keeps the rules that every run must keep." : breaches ? `${breaches} breaches: the result cannot be trusted.` : "The record is sound. Notes for whoever uses the result:"), list(data.findings.map((f) => { const text = `${f.gravity} (${f.check}) ${f.place}: ${f.what}`; return text.length <= 600 ? text : el("details", {}, el("summary", {}, `${text.slice(0, 400)} …`), text); }))),
     part("What speaks for it", el("dl", { class: "badge-list" }, data.badges.flatMap((b) => [el("dt", { class: `is-${b.standing}` }, `${marks[b.standing]} ${b.says}`), el("dd", {}, b.rests_on)]))),
     part("Provenance", el("dl", {}, [[data.sealed ? "root" : "unfinished run, last event", data.root], ["experiment", data.experiment], ["scene pool", data.pool], ["versions", `adapter ${data.versions.adapter}, sim ${data.versions.sim}, eval ${data.versions.eval}`], ["scenes", `${data.evolution_scenes} evolution, ${data.held_out_scenes} held out`], ...models.map(([role, model]) => [plain(role), model])].flatMap(([name, value]) => [el("dt", {}, name), el("dd", { class: "mono" }, String(value))]))),
     figures.length ? part("Figures", ...figures.map(({ title, svg: text }) => {
       const name = title.replace(/[^A-Za-z0-9_.-]+/g, "_");
-      return el("figure", {}, el("img", { src: `data:image/svg+xml,${encodeURIComponent(text)}`, alt: title, class: "sheet", loading: "lazy" }), el("figcaption", {}, `${title} `, el("button", { class: "save", onclick: () => save(`${name}.svg`, "image/svg+xml", text) }, "SVG")));
+      return el("figure", { class: "of-print" }, el("img", { src: `data:image/svg+xml,${encodeURIComponent(text)}`, alt: title, class: "sheet", loading: "lazy" }), el("figcaption", {}, `${title} `, el("button", { class: "save", onclick: () => save(`${name}.svg`, "image/svg+xml", text) }, "SVG")));
     })) : null);
 }

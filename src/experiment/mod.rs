@@ -1,5 +1,6 @@
 //! Experiment files: read, composed from their bases, checked, and resolved to the scenes and the study that they describe.
 
+mod agreement_study;
 mod calibration;
 mod check;
 mod downstream_file;
@@ -28,6 +29,7 @@ mod study;
 mod toml_file;
 mod training_file;
 
+pub use agreement_study::agreement_study;
 pub use downstream_file::{Arm, DownstreamFile, Schedule, SetSizes};
 pub use ego_weights::EgoWeights;
 pub use error::{ExperimentError, OptionError, did_you_mean};

@@ -174,7 +174,7 @@ fn scenes(starter: &Starter, staged: bool) -> Result<(String, usize), Experiment
     Ok((text, held_out))
 }
 
-fn named_source(path: &Path) -> String {
+pub(super) fn named_source(path: &Path) -> String {
     let named = toml::Value::String(path.to_string_lossy().into_owned());
     match named.as_str().is_some_and(|path| path.ends_with(".pool")) {
         true => format!("source = \"pool\"\npath = {named}"),
@@ -183,7 +183,7 @@ fn named_source(path: &Path) -> String {
 }
 
 /// How many scenes of a pool the families can use.
-fn usable_in(path: &Path, pool: &Pool, staged: bool) -> Result<usize, ExperimentError> {
+pub(super) fn usable_in(path: &Path, pool: &Pool, staged: bool) -> Result<usize, ExperimentError> {
     let (path, all) = (path.display(), pool.scenes.len());
     if let Some(strange) = pool.scenes.iter().find(|scene| scene.staging.is_some() != staged) {
         let (is, want) = match staged {

@@ -135,3 +135,45 @@ fn a_table_that_names_no_backend_is_refused_with_its_field() {
         assert!(ran.stderr.contains(expected), "{}: {table}", ran.stderr);
     }
 }
+
+#[test]
+fn agree_init_writes_a_study_that_both_simulators_can_record_and_agree_compares() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = |args: &[&str]| Ran::of(evodrive().current_dir(folder.path()).args(args));
+    experiment(folder.path(), "scenes", "");
+    let made = here(&["scenes", "generate", "scenes.toml", "--out", "my.pool"]);
+    assert_eq!(made.code, 0, "{}", made.stderr);
+    let init = ["agree", "init", "mine", "--scenes", "my.pool", "--family", "cat"];
+    let written = here(&init);
+    assert_eq!(written.code, 0, "{}", written.stderr);
+    assert!(written.stdout.contains("evodrive record mine/metadrive.toml"), "{}", written.stdout);
+    // The shipped study's MetaDrive, plant, options and worker.
+    let other = std::fs::read_to_string(folder.path().join("mine/metadrive.toml")).unwrap();
+    let shipped = std::fs::read_to_string(home().join("experiments/agreement/metadrive.toml")).unwrap();
+    for key in ["version = ", "digest = ", "options = ", "plan_around = ", "command = ", "rollouts = "] {
+        let line = |text: &str| text.lines().find(|line| line.starts_with(key)).map(String::from);
+        assert!(line(&other).is_some() && line(&other) == line(&shipped), "{key}: {other}");
+    }
+    // Our own worker in MetaDrive's place, as far as one goes without Python.
+    let own = worker(&[env!("CARGO_BIN_EXE_evodrive"), "worker"]).replace("\"physical\"", "\"metadrive-0.4.3\"");
+    let own = own.replace("[simulator.backend.worker]", "plan_around = \"evodrive\"\n[simulator.backend.worker]");
+    let head = other.split("[simulator.backend]").next().unwrap();
+    std::fs::write(folder.path().join("mine/metadrive.toml"), format!("{head}{own}")).unwrap();
+    for file in ["mine/evodrive.toml", "mine/metadrive.toml"] {
+        let recorded = here(&["record", file, "--no-report"]);
+        assert_eq!(recorded.code, 0, "{file}: {}", recorded.stderr);
+    }
+    let agreed = here(&["agree", "mine-evodrive", "mine-metadrive"]);
+    assert_eq!(agreed.code, 0, "{}", agreed.stderr);
+    assert!(agreed.stdout.contains("Disagreements: 0"), "{}", agreed.stdout);
+    assert!(agreed.stdout.contains("cat-replay"), "the recorded ego is compared, too: {}", agreed.stdout);
+    for (args, expected) in [
+        (&init[..], "mine exists already; name another study"),
+        (&["agree", "init", "two", "--scenes", "my.pool", "--family", "cta"][..], "did you mean `cat`"),
+        (&["agree", "init", "two", "--scenes", "none.pool"][..], "none.pool"),
+    ] {
+        let refused = here(args);
+        assert_eq!(refused.code, 2, "{args:?}: {}", refused.stderr);
+        assert!(refused.stderr.contains(expected), "{}", refused.stderr);
+    }
+}

@@ -1,6 +1,6 @@
 //! `agree`: the same programs in the same scenes, played by the simulators of two runs.
 
-use clap::Args;
+use clap::{Args, Subcommand};
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -19,16 +19,29 @@ use crate::objects::{Program, Score};
 use crate::sim::{ActorRef, Contact, Intervention, Outcome, Plant, SimulatorOptions, Trace, rollout};
 use crate::text::counted;
 
+use super::agree_init;
 use super::plant_changes::{PlantChange, plant_changes};
 
 #[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct Options {
+    #[command(subcommand)]
+    pub command: Option<Command>,
     #[command(flatten)]
     pub runs: TwoRuns,
 }
 
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Write the study for scenes of your own: the same programs in our simulator and in MetaDrive.
+    Init(agree_init::Options),
+}
+
 /// Plays what both runs labelled in both simulators, and counts.
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    if let Some(Command::Init(options)) = &options.command {
+        return agree_init::run(options, jobs);
+    }
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
     let [first, second] = options.runs.named()?;
     let agreed = agreement(first, second, &threads)?;

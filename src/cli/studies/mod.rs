@@ -1,6 +1,7 @@
 //! Commands for studies around the loop: the paper, claims, agreement, programs on other scenes, trained egos.
 
 pub mod agree;
+mod agree_init;
 pub mod applied_broken;
 pub mod applied_text;
 pub mod apply;

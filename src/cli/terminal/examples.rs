@@ -66,6 +66,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("bundle verify", "evodrive bundle verify golden/bundles/frozen-1.evodrive"),
     ("bundle import", "evodrive bundle import golden/bundles/frozen-1.evodrive --out my_copy"),
     ("agree", "evodrive agree runs/ONE runs/OTHER"),
+    ("agree init", "evodrive agree init mine --scenes my.pool"),
     ("options", "evodrive options"),
     ("families", "evodrive families"),
     ("formats", "evodrive formats"),

@@ -262,7 +262,10 @@ fn svg_text(out: &mut String, words: &Words, fitted: bool) {
     let turned = if words.upwards { format!(" transform=\"rotate(-90 {x} {y})\"") } else { String::new() };
     // Of bold letters no widths are known.
     let length = match fitted && !words.bold && !words.text.is_empty() {
-        true => format!(" textLength=\"{}\" lengthAdjust=\"spacingAndGlyphs\"", number(width(&words.text, words.size))),
+        true => format!(
+            " textLength=\"{}\" lengthAdjust=\"spacingAndGlyphs\"",
+            number(width(&words.text, words.size).round())
+        ),
         false => String::new(),
     };
     let (colour, text) = (hex(words.colour), escaped(&words.text));
@@ -311,7 +314,7 @@ mod tests {
     fn a_line_for_any_font_is_as_wide_as_it_was_measured() {
         let mut figure = Figure::new(10.0, 10.0, "");
         figure.text((1.0, 2.0), 8.0, Anchor::Start, "wide");
-        let wanted = format!("textLength=\"{}\"", number(width("wide", 8.0)));
+        let wanted = format!("textLength=\"{}\"", number(width("wide", 8.0).round()));
         assert!(figure.svg_in_any_font().contains(&wanted) && !figure.svg().contains("textLength"));
     }
 

@@ -109,7 +109,12 @@ fn the_first_screen_says_what_a_reader_should_weigh() {
     assert!(says.ends_with("; 100 % are rams from behind."), "{says}");
     assert_eq!(lost(&after["shares"]), lost(&before["shares"]) + 1);
     let page = page(&run, &Stage::default());
-    assert!(first_screen(&page).contains("Weigh:</b> In 1 of 3 lines"), "{}", first_screen(&page));
+    assert!(
+        first_screen(&page)
+            .contains("</b> 100 % of the contacts that count could not have been avoided by the ego in 1 of 3 lines"),
+        "{}",
+        first_screen(&page)
+    );
     // Each chosen program whose realism is below the rule's is counted.
     assert!(first_screen(&page).contains("falls short of the rule's 0.95"));
     for of in &mut run.result.as_mut().unwrap().lineages {

@@ -43,10 +43,10 @@ pub fn html(run: &RecordedRun, headlines: &[Headline], stage: &Stage, realism_mi
         out.push_str("<p>The run is not finished: the answer comes when the held-out scenes are opened, after the last epoch.</p>\n");
     } else {
         out.push_str(&caution(headlines));
+        let _ = writeln!(out, "<p class=\"note\">{}</p>", legend(headlines));
         out.push_str("<ul class=\"answers\">\n");
         headlines.iter().for_each(|headline| row(&mut out, headline, &short_of_rule(run, headline, realism_min)));
-        let _ =
-            writeln!(out, "</ul>\n<p class=\"note\">{} {}</p>", legend(headlines), escaped(&measures(run, headlines)));
+        let _ = writeln!(out, "</ul>\n<p class=\"note\">{}</p>", escaped(&measures(run, headlines)));
     }
     out.push_str("</section>\n");
     out
@@ -77,6 +77,7 @@ fn short_of_rule(run: &RecordedRun, of: &Headline, realism_min: f64) -> String {
     let realism = if of.verdict == Verdict::Plain { "ARS" } else { "strict realism" };
     let short: Vec<f64> =
         results().map(|one| one.evolved.objectives.realism).filter(|realism| *realism < realism_min).collect();
+    let shown = results().any(|one| one.lineage == of.lineage && one.evolved.objectives.realism < realism_min);
     match (&short[..], results().count()) {
         ([], _) => String::new(),
         ([one], 1) => {
@@ -84,8 +85,9 @@ fn short_of_rule(run: &RecordedRun, of: &Headline, realism_min: f64) -> String {
         }
         (short, all) => {
             format!(
-                "{} of {all} chosen programs fall short of the rule's {realism} of {realism_min} on these scenes.",
-                short.len()
+                "{} of {all} chosen programs fall short of the rule's {realism} of {realism_min} on these scenes{}.",
+                short.len(),
+                if shown { ", this one too" } else { "" }
             )
         }
     }
@@ -113,10 +115,10 @@ fn legend(headlines: &[Headline]) -> String {
 /// Class, sign and meaning of a verdict.
 fn sign(verdict: Verdict) -> (&'static str, &'static str, &'static str) {
     match verdict {
-        Verdict::Gain => ("gain", "▲", "more of one, no less of the other that the scenes tell"),
+        Verdict::Gain => ("gain", "▲", "more of one, the other not measurably less"),
         Verdict::Trade => ("trade", "◆", "more attack for less realism"),
         Verdict::Concession => ("concession", "◇", "more realism for less attack"),
-        Verdict::Unsure => ("unsure", "○", "no difference told"),
+        Verdict::Unsure => ("unsure", "○", "no measurable difference"),
         Verdict::Loss => ("loss", "▼", "worse"),
         Verdict::Parent => ("parent", "=", "the parent stays"),
         Verdict::Plain => ("plain", "●", "scores without an interval"),
@@ -125,18 +127,23 @@ fn sign(verdict: Verdict) -> (&'static str, &'static str, &'static str) {
 
 /// That gains are not of the ego's driving, where most contacts could not have been avoided; empty where none is so.
 fn caution(headlines: &[Headline]) -> String {
-    let weigh = headlines.iter().filter(|of| of.weigh).count();
-    let which = match (weigh, headlines.len()) {
-        (0, _) => return String::new(),
-        (_, 1) => "Here the ego could have avoided fewer than half of the contacts that count".to_string(),
-        (weigh, all) if weigh == all => {
-            "In every line the ego could have avoided fewer than half of the contacts that count".to_string()
-        }
-        (weigh, all) => {
-            format!("In {weigh} of {all} lines the ego could have avoided fewer than half of the contacts that count")
-        }
+    let share = |of: &Headline| 100.0 * (1.0 - of.avoidable[0] as f64 / of.avoidable[1].max(1) as f64);
+    let shares: Vec<f64> = headlines.iter().filter(|of| of.weigh).map(share).collect();
+    let (least, most) = (shares.iter().copied().fold(100.0, f64::min), shares.iter().copied().fold(0.0, f64::max));
+    let percent = match num::fixed(least, 0) == num::fixed(most, 0) {
+        true => format!("{} %", num::fixed(most, 0)),
+        false => format!("{} to {} %", num::fixed(least, 0), num::fixed(most, 0)),
     };
-    format!("<p class=\"weigh\"><b>Weigh:</b> {which}: such attacks say little about how the ego drives.</p>\n")
+    let lines = match (shares.len(), headlines.len()) {
+        (0, _) => return String::new(),
+        (_, 1) => String::new(),
+        (weigh, all) if weigh == all => " in every line".to_string(),
+        (weigh, all) => format!(" in {weigh} of {all} lines"),
+    };
+    format!(
+        "<p class=\"weigh\"><b>Weigh:</b> {percent} of the contacts that count could not have been avoided by the ego{lines}: such attacks say \
+         little about how it drives.</p>\n"
+    )
 }
 
 /// What the numbers of the sentences are.
@@ -156,7 +163,9 @@ fn measures(run: &RecordedRun, headlines: &[Headline]) -> String {
     };
     let settings = match setting.realism.as_str() {
         "" => String::new(),
-        realism => format!(" Here it is {realism}: realism of two experiments compares where that is the same."),
+        realism => {
+            format!(" Here it is {realism}; two experiments mean the same realism only where these settings are equal.")
+        }
     };
     let over = match headlines.iter().any(|of| of.searches > 1) {
         true => {
@@ -198,10 +207,11 @@ fn row(out: &mut String, of: &Headline, short: &str) {
         if more.is_empty() { String::new() } else { format!("<span class=\"further\">{}</span>", more.join(" ")) };
     let _ = writeln!(
         out,
-        "<li class=\"{class}\" data-lineage=\"{}\"><span class=\"mark\" aria-hidden=\"true\">{mark}</span> <span><b>{}</b> <small>{}</small>: {}.{more}</span></li>",
+        "<li class=\"{class}\" data-lineage=\"{}\"><span class=\"mark\" aria-hidden=\"true\">{mark}</span> <span><b>{}</b> <small>{}</small>: {}{}.{more}</span></li>",
         escaped(of.lineage.as_str()),
         escaped(&of.called),
         escaped(of.group.as_str()),
         escaped(&of.says),
+        if of.searches > 1 { "" } else { "; one search" },
     );
 }

@@ -70,6 +70,7 @@ pub fn of(run: &RecordedRun, headlines: &[Headline], stage: &Stage, beside: &Bes
         "model_names": names.models,
         "roles": ROLES.map(Role::name),
         "terms": terms(),
+        "meanings": beside.words.meanings,
         "attempts": attempts(run, &names, IN_FULL_MAX),
     });
     if let Some(evolution) = Evolution::of(run) {
@@ -259,7 +260,8 @@ fn fields(names: &Names, attempt: &Attempt) -> Value {
         "slot": attempt.slot,
         "parent": attempt.parent,
         "exit": attempt.exit.name(),
-        "solution": candidate.map(|c| &c.program.solution_id),
+        // By its attempt's name, as all but those of older records are: ten thousand times the same text twice would be felt.
+        "solution": candidate.map(|c| match c.program.solution_id.as_str() == attempt.id.as_str() { true => json!(true), false => json!(c.program.solution_id) }),
         "objectives": attempt.exit.score().map(|s| short(json!(s.objectives))),
         "met": Some(met.into_iter().collect::<Vec<_>>()).filter(|met| !met.is_empty()),
     })

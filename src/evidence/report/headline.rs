@@ -225,6 +225,11 @@ fn singly(of: &[&LineageResult], verdict: Verdict) -> String {
 /// itself.
 fn shares(run: &RecordedRun, of: &LineageResult, verdict: Verdict) -> String {
     let percent = |attack: f64| num::fixed(100.0 * attack, 1);
+    if verdict == Verdict::Plain {
+        let score = |attack: f64| num::fixed(attack, 3);
+        let [is, was] = [&of.evolved, &of.parent].map(|of| score(of.objectives.attack));
+        return format!("comes to attack {is}, its parent to {was}");
+    }
     if says_nothing(run, verdict) {
         return String::new();
     }

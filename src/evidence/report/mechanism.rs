@@ -2,7 +2,7 @@
 //! words, its expressions as outlines, and the patches that led there.
 
 use serde_json::{Value, json};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use super::super::recorded_run::RecordedRun;
 use super::beside::Words;
@@ -26,11 +26,8 @@ pub fn of(run: &RecordedRun, result: &LineageResult, words: &Words) -> Option<Va
         before.is_none_or(|before| before.expression != module.expression)
     });
     let entry = |name: &str, what: &str, text: &str| {
-        let meanings: BTreeMap<String, &str> = names(text)
-            .into_iter()
-            .filter_map(|name| words.meanings.get(&name).map(|means| (name, means.as_str())))
-            .collect();
-        json!({"name": name, "what": what, "outline": outline(text), "meanings": meanings})
+        let explained: Vec<String> = names(text).into_iter().filter(|name| words.meanings.contains_key(name)).collect();
+        json!({"name": name, "what": what, "outline": outline(text), "names": explained})
     };
     let rules = chosen
         .scenario_conditioned_policy

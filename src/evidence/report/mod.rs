@@ -24,6 +24,7 @@ pub use stage::{Playable, Stage, Unplayed};
 use super::figures;
 use super::recorded_run::RecordedRun;
 use crate::draw::{PLAYER_CSS, PLAYER_JS, escaped, script_json};
+use crate::objects::LineageId;
 
 const PAGE: &str = include_str!("assets/page.html");
 const STYLE: &str = include_str!("assets/style.css");
@@ -47,10 +48,11 @@ const SCRIPT: [&str; 11] = [
 /// screen, which is escaped markup.
 pub fn html(run: &RecordedRun, stage: &Stage, beside: &Beside<'_>) -> String {
     let headlines = headline::headlines(run);
+    let lineages: Vec<LineageId> = headlines.iter().map(|headline| headline.lineage.clone()).collect();
     let data = script_json(&(
         data::of(run, &headlines, stage, beside),
         packed::stage(stage),
-        figures::of_run(run, beside.credits),
+        figures::of_run(run, &lineages, beside.credits),
     ));
     // One pass over the page, so that nothing inserted is searched for another mark.
     let parts = [

@@ -43,7 +43,7 @@ function mechanismGist(lineage) {
   if (!m) return [note("No descendant was better by the rule of the experiment, so the program that was published is what the run reports. ", link({ tab: "front", lineage: lineage.id }, "Why"))];
   const words = m.steps.map(attemptOf).filter((a) => a && a.hypothesis);
   return [m.says ? el("p", { class: "gist" }, `${capital(m.says)}.`) : null,
-    m.modules.length ? el("dl", { class: "named" }, m.modules.slice(0, 6).flatMap((module) => [el("dt", {}, `“${plain(module.name)}”`), el("dd", {}, `${module.what}: ${lead(module.outline.map(([, line]) => line).join(" "), 220)}`)])) : null,
+    m.modules.length ? el("dl", { class: "named" }, m.modules.slice(0, 6).flatMap((module) => [el("dt", {}, `“${plain(module.name)}”`), el("dd", {}, el("small", {}, module.what), module.outline.slice(0, 8).map(([depth, line]) => el("div", { style: `margin-left: ${14 * depth}px` }, line)), module.outline.length > 8 ? el("div", {}, "…") : null)])) : null,
     headline.lineage === lineage.id && headline.contacts.length ? el("p", {}, "Its contacts that count: ", contactsInWords(headline), ".") : null,
     words.length ? el("p", { class: "note" }, words.length > 1 ? `What its proposer expected of each of its ${words.length} patches:` : "What its proposer expected:") : null,
     ...words.map((a) => el("blockquote", {}, lead(a.hypothesis, 420), " ", el("cite", {}, "– ", link({ tab: "attempts", attempt: a.id }, shortId(a.id, lineage))))),
@@ -60,7 +60,7 @@ function creditPart(lineage) {
   const stacked = (e) => !e ? "–" : { by: estimate(e, true), node: el("span", { class: "stacked" }, signed(e.value, 3), e.interval ? el("small", {}, `[${e.interval.map((x) => signed(x, 3)).join(", ")}]`) : null) };
   const cells = (gain) => [stacked(gain && gain.attack), stacked(gain && gain.realism)];
   const rows = credit.edits.map((e) => [{ by: e.name, node: link({ tab: "attempts", attempt: e.name }, shortId(e.name, lineage)) }, ...cells(e.so_far), ...cells(e.needed), ...cells(e.alone)]);
-  return el("section", { class: "part", id: "credit" }, el("h2", {}, "Credit of each patch"), list(credit.edits.map((e) => e.says)),
+  return el("section", { class: "part", id: "credit" }, el("h2", {}, "Credit of each patch"), credit.edits.length > 1 && credit.edits.every((e) => e.so_far) ? el("p", {}, "Patch by patch the chain came to attack ", credit.edits.map((e) => signed(e.so_far.attack.value, 3)).join(" → "), ". What each patch is worth at the end:") : null, list(credit.edits.map((e) => e.says)),
     sortable(["Patch", "attack", "realism", "attack", "realism", "attack", "realism"], [["all together", ...cells(credit.whole), ...cells(credit.whole), "–", "–"], ...rows], `credit-${lineage.id}`, { groups: [["", 1], ["With the patches so far", 2], ["Lost without it", 2], ["Alone on the parent", 2]], file: ["patch", ...["so far", "lost without it", "alone"].flatMap((of) => [`${of}: attack`, `${of}: realism`])] }),
     note("On the held-out scenes, paired by scene; in brackets 95 % bootstrap intervals over scenes. So far: the parent with the patches up to this one minus the parent. Lost without it: the chosen program minus the program without this patch. Alone: the parent with this patch minus the parent. Shares need not add up to the whole, because patches may need each other or do the same."));
 }
@@ -79,7 +79,7 @@ function drawMechanism() {
   const lineage = lineageOf(state.lineage) || bestLineage(), m = lineage.mechanism;
   const expression = (module) => el("div", { class: "module" }, el("h3", {}, `${plain(module.name)} `, el("small", {}, module.what)),
     el("pre", { class: "outline", tabindex: 0 }, module.outline.map(([depth, line]) => `${"   ".repeat(depth)}${line}\n`)),
-    Object.keys(module.meanings).length ? el("details", {}, el("summary", {}, "What its words mean"), el("dl", {}, Object.entries(module.meanings).flatMap(([name, means]) => [el("dt", {}, plain(name)), el("dd", {}, means)]))) : null);
+    module.names.length ? el("details", {}, el("summary", {}, "What its words mean"), el("dl", {}, module.names.flatMap((name) => [el("dt", {}, plain(name)), el("dd", {}, data.meanings[name])]))) : null);
   put(byId("mechanism"), part(`What ${chosenOf(lineage)} does otherwise than its parent`, lineageControls(lineage), ...mechanismGist(lineage).filter((n) => !n || n.tagName !== "P" || !n.querySelector("a[href*='tab=mechanism']"))),
     m && m.flow && m.flow.length ? part("What it does with a scene, step by step", el("ol", { class: "flow" }, m.flow.map((step) => el("li", { class: step.is_new ? "new" : null, style: `margin-left: ${22 * step.depth}px` }, step.is_new ? el("b", {}, "new ") : null, step.says))), note("Steps without a mark are the parent's. Names in quotes are expressions, which stand below.")) : null,
     m && m.modules.length ? part("Its expressions, in words", el("div", { class: "modules" }, m.modules.map(expression))) : null,

@@ -50,6 +50,7 @@ function follow() {
 }
 (async () => {
   [data, stage, figures = []] = await EvoUnpack.whole(JSON.parse(byId("data").textContent));
+  for (const a of data.attempts) if (a.solution === true) a.solution = a.id;
   addEventListener("hashchange", show); addEventListener("popstate", show);
   let width = innerWidth;
   addEventListener("resize", () => { if (innerWidth !== width) { width = innerWidth; mark(); fade(); charts.forEach((draw) => draw()); } });

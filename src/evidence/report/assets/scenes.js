@@ -47,6 +47,6 @@ function fullPlayer(solution, scene) {
   if (player) { player.destroy(); player = null; }
   if (!rollout) return null;
   const place = el("div", { id: "play-stage" });
-  setTimeout(() => { if (place.isConnected) player = EvoPlayer.mount(place, merged(rollout), { height: Math.min(520, Math.max(300, innerHeight * 0.6)), step: rollout.contact ? rollout.contact.step : undefined, follow: !!rollout.contact }); }, 0);
+  setTimeout(() => { if (place.isConnected) player = EvoPlayer.mount(place, merged(rollout), { height: Math.min(520, Math.max(300, innerHeight * 0.6)), step: rollout.contact ? rollout.contact.step : undefined, frame: rollout.contact ? around([merged(rollout)]) : undefined }); }, 0);
   return el("section", { class: "part", id: "player" }, el("h2", {}, "Scene player"), el("p", { id: "play-caption" }, `${solution} in ${scene}: ${rollout.caption}`), place);
 }

@@ -8,7 +8,7 @@ use super::starter::{named_source, usable_in};
 use super::{ExperimentError, OptionError};
 use crate::families;
 use crate::objects::FamilyName;
-use crate::scene::Pool;
+use crate::scene::{Pool, Scene, usable};
 
 /// The shipped study in MetaDrive: which version and which options are compared with.
 const METADRIVE: &str = include_str!("../../experiments/agreement/metadrive.toml");
@@ -19,20 +19,20 @@ const WINDOW_MAX: usize = 8;
 
 /// The three files of a study, each with its text, in the order in which they are based on each other.
 ///
-/// `scenes` is the pool as the files name it, seen from their folder. Each of `families` is a lineage against IDM, and one more repeats the
-/// recording as the ego.
+/// `scenes` is the pool as it was named and as the files name it, seen from their folder. Each of `families` is a lineage against IDM, and
+/// one more repeats the recording as the ego, where all scenes have one: those of CommonRoad have none.
 ///
 /// # Errors
 /// A name that no run folder can have; a family that is unknown, named twice or staged; fewer than two usable scenes.
 pub fn agreement_study(
     name: &str,
-    (scenes, pool): (&Path, &Pool),
+    ([typed, scenes], pool): ([&Path; 2], &Pool),
     families: &[String],
 ) -> Result<[(&'static str, String); 3], ExperimentError> {
     let option = |error| ExperimentError::Option { file: "agree init".into(), error };
     Range::Name.check("NAME", &toml::Value::String(name.into())).map_err(option)?;
     let families = known(families).map_err(option)?;
-    let count = usable_in(scenes, pool, false)?;
+    let count = usable_in(typed, pool, false)?;
     let evolution = (count / 2).clamp(1, EVOLUTION_MAX);
     let mut study = format!(
         "# The programs that are compared, in whichever simulator: one epoch of one proposal, because what is compared are labels of the\n\
@@ -48,7 +48,7 @@ pub fn agreement_study(
     for family in &families {
         let _ = write!(study, "\n[[lineage]]\nid = \"{family}\"\nfamily = \"{family}\"\nego = \"idm\"\n");
     }
-    if let Some(first) = families.first() {
+    if let Some(first) = families.first().filter(|_| pool.scenes.iter().all(ego_is_recorded)) {
         let _ = write!(study, "\n[[lineage]]\nid = \"{first}-replay\"\nfamily = \"{first}\"\nego = \"replay\"\n");
     }
     let own = format!(
@@ -65,6 +65,12 @@ pub fn agreement_study(
         backend.replace(recorded, "\"metadrive-rollouts.jsonl.zst\"")
     );
     Ok([("study.toml", study), ("evodrive.toml", own), ("metadrive.toml", other)])
+}
+
+/// Whether an ego that repeats the recording can drive the scene, if anybody can.
+fn ego_is_recorded(scene: &Scene) -> bool {
+    let ego = &scene.ego;
+    usable(scene).is_err() || ego.track.samples.iter().skip(ego.start_step).all(Option::is_some)
 }
 
 /// The families in their order; of recorded traffic each.

@@ -167,6 +167,12 @@ fn agree_init_writes_a_study_that_both_simulators_can_record_and_agree_compares(
     assert_eq!(agreed.code, 0, "{}", agreed.stderr);
     assert!(agreed.stdout.contains("Disagreements: 0"), "{}", agreed.stdout);
     assert!(agreed.stdout.contains("cat-replay"), "the recorded ego is compared, too: {}", agreed.stdout);
+    // CommonRoad's scenes have no recorded ego: nobody repeats it there.
+    let commonroad = home().join("tests/fixtures/commonroad");
+    let written = here(&["agree", "init", "without", "--scenes", commonroad.to_str().unwrap()]);
+    assert_eq!(written.code, 0, "{}", written.stderr);
+    let study = std::fs::read_to_string(folder.path().join("without/study.toml")).unwrap();
+    assert!(study.contains("family = \"strive\"") && !study.contains("replay"), "{study}");
     for (args, expected) in [
         (&init[..], "mine exists already; name another study"),
         (&["agree", "init", "two", "--scenes", "my.pool", "--family", "cta"][..], "did you mean `cat`"),

@@ -31,7 +31,11 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         return Err(Failure::bad_input(format!("{} {what}", folder.display())));
     }
     let pool = files::read(std::slice::from_ref(&options.scenes), jobs)?;
-    let written = agreement_study(&options.name, (&seen_from_within(&options.scenes), &pool), &options.family)?;
+    let written = agreement_study(
+        &options.name,
+        ([&options.scenes, &seen_from_within(&options.scenes)], &pool),
+        &options.family,
+    )?;
     store::create_dir(&folder)?;
     for (file, text) in &written {
         store::write_atomic(&folder.join(file), text.as_bytes())?;

@@ -117,7 +117,13 @@ mod tests {
     fn leaves(command: &Command, path: &str, found: &mut Vec<String>) {
         for sub in command.get_subcommands().filter(|sub| sub.get_name() != "help") {
             let own = format!("{path} {}", sub.get_name()).trim_start().to_string();
-            if sub.has_subcommands() { leaves(sub, &own, found) } else { found.push(own) }
+            // One that can stand alone is a command, whatever may follow it.
+            if sub.has_subcommands() {
+                leaves(sub, &own, found);
+            }
+            if !sub.is_subcommand_required_set() {
+                found.push(own);
+            }
         }
     }
 

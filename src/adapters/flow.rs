@@ -1,6 +1,5 @@
 //! What a program does with a scene, step by step in the words of its contract, for somebody who reads no operator graph.
 
-use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::contract::Contract;
@@ -8,7 +7,7 @@ use crate::objects::expr::canonical_text;
 use crate::objects::{OperatorNode, ParameterValue, PolicyRule, Program, Setting, Slot};
 
 /// One step, in the order in which a scene passes it.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Step {
     /// How deep it stands: a step of one of two ways stands below the node in which they meet.
     pub depth: usize,

@@ -6,7 +6,6 @@ use std::collections::BTreeMap;
 use super::super::agreement;
 use super::super::credit::Credit;
 use super::others::Other;
-use crate::adapters::Step;
 use crate::archive::SelectorOptions;
 use crate::objects::SolutionId;
 use crate::objects::cost::RunCost;
@@ -35,9 +34,20 @@ pub struct Words {
     /// Of each chosen program what it does otherwise than its lineage's parent, part by part.
     pub changes: BTreeMap<SolutionId, Vec<String>>,
     /// Of each chosen program what it does with a scene, step by step.
-    pub flows: BTreeMap<SolutionId, Vec<Step>>,
+    pub flows: BTreeMap<SolutionId, Vec<FlowStep>>,
     /// What the names in expressions mean, with their units.
     pub meanings: BTreeMap<String, String>,
+}
+
+/// A step of what a program does with a scene.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct FlowStep {
+    /// How deep it stands: a step of one of two ways stands below the node in which they meet.
+    pub depth: usize,
+    /// What is done.
+    pub says: String,
+    /// Whether the parent has no such step, or one with other settings.
+    pub is_new: bool,
 }
 
 /// A run that goes on while its page is looked at.

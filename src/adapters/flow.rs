@@ -4,24 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::contract::Contract;
 use crate::objects::expr::canonical_text;
-use crate::objects::{OperatorNode, ParameterValue, PolicyRule, Program, Setting, Slot};
-
-/// One step, in the order in which a scene passes it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Step {
-    /// How deep it stands: a step of one of two ways stands below the node in which they meet.
-    pub depth: usize,
-    /// What is done.
-    pub says: String,
-    /// Whether the program to compare with has no such step, or one with other settings.
-    pub is_new: bool,
-}
+use crate::objects::{FlowStep, OperatorNode, ParameterValue, PolicyRule, Program, Setting, Slot};
+use crate::text::in_words;
 
 impl Contract {
     /// The steps of `program`, marked where `before` does otherwise.
     ///
     /// A node in which two ways meet comes before them, since it says when each of them is taken. What both ways begin with is said once.
-    pub fn flow(&self, before: &Program, program: &Program) -> Vec<Step> {
+    pub fn flow(&self, before: &Program, program: &Program) -> Vec<FlowStep> {
         let graph = &program.operator_graph;
         let fed: BTreeSet<&str> = graph.values().flat_map(|node| &node.inputs).map(String::as_str).collect();
         let (said, entered) = (BTreeMap::new(), BTreeSet::new());
@@ -29,7 +19,7 @@ impl Contract {
         graph.keys().filter(|name| !fed.contains(name.as_str())).for_each(|name| walk.node(name, 0));
         for rule in &program.scenario_conditioned_policy {
             let is_new = !before.scenario_conditioned_policy.contains(rule);
-            walk.steps.push(Step { depth: 0, says: overridden(rule), is_new });
+            walk.steps.push(FlowStep { depth: 0, says: overridden(rule), is_new });
         }
         walk.steps
     }
@@ -44,7 +34,7 @@ struct Walk<'p> {
     said: BTreeMap<&'p str, usize>,
     /// Nodes that the walk has come to: it ends even in a graph with a circle, which the contract refuses.
     entered: BTreeSet<&'p str>,
-    steps: Vec<Step>,
+    steps: Vec<FlowStep>,
 }
 
 impl<'p> Walk<'p> {
@@ -59,7 +49,7 @@ impl<'p> Walk<'p> {
             ways => {
                 self.step(name, node, depth);
                 for (way, nth) in ways.iter().zip(1..) {
-                    self.steps.push(Step { depth: depth + 1, says: format!("Way {nth}:"), is_new: false });
+                    self.steps.push(FlowStep { depth: depth + 1, says: format!("Way {nth}:"), is_new: false });
                     self.input(way, depth + 2);
                 }
             }
@@ -71,7 +61,7 @@ impl<'p> Walk<'p> {
         match self.said.get(name).and_then(|step| self.steps.get(*step)) {
             Some(step) => {
                 let says = format!("As above up to “{}”", step.says);
-                self.steps.push(Step { depth, says, is_new: false });
+                self.steps.push(FlowStep { depth, says, is_new: false });
             }
             None => self.node(name, depth),
         }
@@ -82,7 +72,8 @@ impl<'p> Walk<'p> {
         let (does, at) = match fallback(node) {
             Some(does) => (does.to_string(), "Of two ways"),
             None => {
-                let says = spec.map_or_else(|| plain(&node.kind), |spec| first_sentence(&spec.describes).to_string());
+                let says =
+                    spec.map_or_else(|| in_words(&node.kind), |spec| first_sentence(&spec.describes).to_string());
                 (says, if node.inputs.len() > 1 { "Of two ways" } else { question(node.slot) })
             }
         };
@@ -96,7 +87,7 @@ impl<'p> Walk<'p> {
         let settings = if settings.is_empty() { String::new() } else { format!(" ({})", settings.join(", ")) };
         let is_new = self.before.operator_graph.get(name).is_none_or(|old| !self.same(old, node));
         self.said.insert(name, self.steps.len());
-        self.steps.push(Step { depth, says: format!("{at}: {does}{settings}"), is_new });
+        self.steps.push(FlowStep { depth, says: format!("{at}: {does}{settings}"), is_new });
     }
 
     /// Whether a node does the same as before with what it is fed.
@@ -122,17 +113,13 @@ impl<'p> Walk<'p> {
 
     /// A setting that says something by itself: one that follows a parameter does where the parameter is not as it was.
     fn set(&self, name: &str, value: &Setting) -> Option<String> {
-        let shown = |value: &ParameterValue| match value {
-            ParameterValue::Number(number) => number.to_string(),
-            ParameterValue::Choice(word) => plain(word),
-        };
         match value {
             Setting::Parameter(of) => self
                 .moved(&of.parameter)
-                .map(|[old, new]| format!("{} {}, was {}", plain(name), shown(new), shown(old))),
-            Setting::Mechanism(of) => Some(format!("{} “{}”", plain(name), plain(&of.mechanism))),
-            Setting::Choice(word) => Some(format!("{} {}", plain(name), plain(word))),
-            Setting::Number(number) => Some(format!("{} {number}", plain(name))),
+                .map(|[old, new]| format!("{} {}, was {}", in_words(name), new.in_words(), old.in_words())),
+            Setting::Mechanism(of) => Some(format!("{} “{}”", in_words(name), in_words(&of.mechanism))),
+            Setting::Choice(word) => Some(format!("{} {}", in_words(name), in_words(word))),
+            Setting::Number(number) => Some(format!("{} {number}", in_words(name))),
         }
     }
 }
@@ -172,19 +159,15 @@ fn overridden(rule: &PolicyRule) -> String {
         .parameters
         .keys()
         .chain(rule.operators.values().flat_map(BTreeMap::keys))
-        .map(|name| plain(name))
+        .map(|name| in_words(name))
         .collect();
     let names: Vec<String> = names.into_iter().collect();
     format!(
         "In some scenes (“{}”: {}) otherwise: {}",
-        plain(&rule.name),
-        plain(&canonical_text(&rule.when)),
+        in_words(&rule.name),
+        in_words(&canonical_text(&rule.when)),
         names.join(", ")
     )
-}
-
-fn plain(name: &str) -> String {
-    name.replace('_', " ")
 }
 
 /// Without its full stop.
@@ -200,7 +183,7 @@ mod tests {
 
     fn lines(before: &Program, after: &Program) -> Vec<String> {
         let line =
-            |step: Step| format!("{}{}{}", "  ".repeat(step.depth), if step.is_new { "+ " } else { "" }, step.says);
+            |step: FlowStep| format!("{}{}{}", "  ".repeat(step.depth), if step.is_new { "+ " } else { "" }, step.says);
         toy::contract().flow(before, after).into_iter().map(line).collect()
     }
 

@@ -19,7 +19,6 @@ pub mod vocabulary;
 
 pub use changes::Change;
 pub use contract::*;
-pub use flow::Step;
 pub use graph::node_count_range;
 pub use isolation::{ForeignVocabulary, ForeignWord};
 pub use problem::Problem;

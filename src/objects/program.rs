@@ -7,6 +7,7 @@ use super::expr;
 use super::ids::{FamilyName, LineageId, SolutionId};
 use super::value_type::ValueType;
 use crate::kernel::{Digest, canon::CanonError};
+use crate::text::in_words;
 
 /// The slots of an operator graph, in the order in which a scene passes them: the paper's seven, and the law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -58,6 +59,16 @@ pub enum ParameterValue {
     Number(f64),
     /// One of the words that the contract offers.
     Choice(String),
+}
+
+impl ParameterValue {
+    /// The number as it is, or the word without underscores; without the unit, which the contract has.
+    pub fn in_words(&self) -> String {
+        match self {
+            ParameterValue::Number(number) => number.to_string(),
+            ParameterValue::Choice(word) => in_words(word),
+        }
+    }
 }
 
 /// A setting of an operator: a literal, or a reference that is resolved for each scene.

@@ -33,6 +33,11 @@ pub fn counted(count: usize, noun: &str) -> String {
     format!("{count} {noun}{ending}")
 }
 
+/// A name of programs and files as words: `lane_change_cost` is `lane change cost`.
+pub fn in_words(name: &str) -> String {
+    name.replace('_', " ")
+}
+
 /// Unified diff of the lines of two texts with their names as its head, and `context` unchanged lines around each change. Empty for
 /// equal texts.
 pub fn unified_diff(old: &str, new: &str, context: usize, names: [&str; 2]) -> String {

@@ -89,8 +89,7 @@ fn the_first_screen_says_what_a_reader_should_weigh() {
     };
     let labels = |run: &mut RecordedRun, of: &evodrive::objects::SolutionId, scene: usize| {
         let held_out = run.held_out.iter_mut().find(|held_out| held_out.solution == *of).unwrap();
-        let label = &mut held_out.score.scenes[scene];
-        label.attack = if label.attack > 0.0 { label.attack } else { 1.0 };
+        held_out.score.scenes[scene].attack = 1.0;
     };
     let attacks = |run: &RecordedRun, of: &evodrive::objects::SolutionId| -> Vec<bool> {
         let held_out = run.held_out.iter().find(|held_out| held_out.solution == *of).unwrap();
@@ -115,12 +114,43 @@ fn the_first_screen_says_what_a_reader_should_weigh() {
         "{}",
         first_screen(&page)
     );
+    // One of them avoidable: the share moves with it.
+    let held_out = run.held_out.iter_mut().find(|held_out| held_out.solution == chosen).unwrap();
+    let counting = held_out.score.scenes.iter_mut().filter(|label| label.attack > 0.0);
+    counting.filter_map(|label| label.contact.as_mut()).next().unwrap().avoidable = Some(true);
+    let of = gained(&run)["avoidable"].clone();
+    let share = format!("{:.0} % of the contacts that count", 100.0 * (1.0 - 1.0 / of[1].as_f64().unwrap()));
+    assert_eq!(of[0], 1);
+    assert!(first_screen(&self::page(&run, &Stage::default())).contains(&share), "{share}");
     // Each chosen program whose realism is below the rule's is counted.
     assert!(first_screen(&page).contains("falls short of the rule's 0.95"));
     for of in &mut run.result.as_mut().unwrap().lineages {
         of.evolved.objectives.realism = 0.96;
     }
     assert!(!first_screen(&self::page(&run, &Stage::default())).contains("short of the rule"));
+}
+
+#[test]
+fn searches_of_one_lineage_are_one_line_with_their_range_and_how_many_fall_short() {
+    let mut run = quickstart();
+    let lineages = &mut run.result.as_mut().unwrap().lineages;
+    for (of, (attack, realism)) in lineages.iter_mut().zip([(0.1, 0.99), (0.4, 0.90), (0.2, 0.94)]) {
+        of.group = evodrive::objects::LineageId::new("one");
+        of.parent.objectives.attack = 0.15;
+        (of.evolved.objectives.attack, of.evolved.objectives.realism) = (attack, realism);
+    }
+    let best = lineages[1].lineage.to_string();
+    let page = page(&run, &Stage::default());
+    let (screen, data) = (first_screen(&page), report_data(&page));
+    let headlines = data[0]["headlines"].as_array().unwrap();
+    assert_eq!((headlines.len(), &headlines[0]["lineage"]), (1, &best.as_str().into()));
+    let says = headlines[0]["says"].as_str().unwrap();
+    assert!(says.contains("mean of 3 searches (single ones: attack −0.050 to +0.250"), "{says}");
+    assert!(screen.contains("2 of 3 chosen programs fall short") && screen.contains("on these scenes, this one too."));
+    // Steps are drawn of the search that is shown, not of the first ones.
+    let titles: Vec<&str> = data[2].as_array().unwrap().iter().map(|of| of["title"].as_str().unwrap()).collect();
+    let steps: Vec<&&str> = titles.iter().filter(|title| title.starts_with("Evolution of ")).collect();
+    assert!(matches!(steps[..], [one] if one.starts_with("Evolution of AT (")), "{titles:?}");
 }
 
 #[test]

@@ -75,16 +75,38 @@ impl Block {
 
 /// All that two sides have in common.
 pub struct Blocks {
-    /// By name; what is pooled over seeds stands before the seeds.
-    pub rows: Vec<(String, Block)>,
+    /// Each with what can be compared of it.
+    pub searches: Vec<Searched>,
     /// The programs behind them.
     pub pairs: Vec<[SolutionId; 2]>,
-    /// Seeds of each search.
-    pub seeds: Vec<usize>,
     /// Whether the two measure attack alike; where not, no row has it.
     pub one_attack: bool,
     /// What was left out, and why.
     pub notes: Vec<String>,
+}
+
+/// A search of both sides; its blocks by name.
+pub struct Searched {
+    /// Over its seeds, where there are several.
+    pub pooled: Option<(String, Block)>,
+    /// Seed by seed.
+    pub seeds: Vec<(String, Block)>,
+}
+
+impl Searched {
+    /// What is pooled stands before the seeds.
+    fn rows(self) -> impl Iterator<Item = (String, Block)> {
+        self.pooled.into_iter().chain(self.seeds)
+    }
+
+    /// What stands for the search: the pooled block with its number of seeds, or each seed where nothing is pooled.
+    pub fn summary(self) -> Vec<(String, Block, usize)> {
+        let count = self.seeds.len();
+        match self.pooled {
+            Some((name, of)) => vec![(name, of, count)],
+            None => self.seeds.into_iter().map(|(name, of)| (name, of, 1)).collect(),
+        }
+    }
 }
 
 /// What two sides come to, paired by scene.
@@ -94,8 +116,7 @@ pub struct Blocks {
 pub fn blocks(first: &Side, second: &Side) -> Result<Blocks, Failure> {
     let Pairs { searches, mut notes } = pairs(first, second)?;
     let mut paired: Vec<[SolutionId; 2]> = Vec::new();
-    let mut rows: Vec<(String, Block)> = Vec::new();
-    let mut seeds: Vec<usize> = Vec::new();
+    let mut compared_searches: Vec<Searched> = Vec::new();
     for search in &searches {
         let (mut alone, mut together) = (Vec::new(), Vec::new());
         for pair in &search.pairs {
@@ -111,13 +132,13 @@ pub fn blocks(first: &Side, second: &Side) -> Result<Blocks, Failure> {
                 }
             }
         }
-        if let Some(of) = (together.len() > 1).then(|| pooled(&together)).flatten() {
-            rows.push((search.name.clone(), Block::Seeds { seeds: together.len(), of }));
+        let over_seeds = (together.len() > 1).then(|| pooled(&together)).flatten();
+        let over_seeds = over_seeds.map(|of| (search.name.clone(), Block::Seeds { seeds: together.len(), of }));
+        if !alone.is_empty() {
+            compared_searches.push(Searched { pooled: over_seeds, seeds: alone });
         }
-        seeds.extend((!alone.is_empty()).then_some(alone.len()));
-        rows.append(&mut alone);
     }
-    if rows.is_empty() {
+    if compared_searches.is_empty() {
         return Err(Failure::bad_input(format!("nothing can be compared: {}", notes.join("; "))));
     }
     let [one, other] = [&first.run, &second.run].map(|run| run.opened.attack.clone());
@@ -125,7 +146,8 @@ pub fn blocks(first: &Side, second: &Side) -> Result<Blocks, Failure> {
     if !one_attack {
         // Their difference would look like a number and say nothing.
         let resting = |row: &Compared| row.quantity == "attack" || row.quantity == STRICT_REALISM;
-        rows.iter_mut().for_each(|(_, of)| match of {
+        let all = compared_searches.iter_mut().flat_map(|of| of.pooled.iter_mut().chain(&mut of.seeds));
+        all.for_each(|(_, of)| match of {
             Block::Two(of) => of.quantities.retain(|row| !resting(row)),
             Block::Seeds { of, .. } => of.quantities.retain(|row| !resting(row)),
         });
@@ -133,13 +155,15 @@ pub fn blocks(first: &Side, second: &Side) -> Result<Blocks, Failure> {
         notes.push(format!("attack is left out, because the two runs measure it differently: A's is {one}, B's is {other}; so is strict realism, which rests on \
              the attacks"));
     }
-    Ok(Blocks { rows, pairs: paired, seeds, one_attack, notes })
+    Ok(Blocks { searches: compared_searches, pairs: paired, one_attack, notes })
 }
 
 pub fn run(options: &Options) -> Result<Answer, Failure> {
     let [first, second] = options.runs.named()?;
     let (first, second) = (Side::named(&first.to_string_lossy())?, Side::named(&second.to_string_lossy())?);
-    let Blocks { rows, seeds, mut notes, .. } = blocks(&first, &second)?;
+    let Blocks { searches, mut notes, .. } = blocks(&first, &second)?;
+    let seeds: Vec<usize> = searches.iter().map(|of| of.seeds.len()).collect();
+    let rows: Vec<(String, Block)> = searches.into_iter().flat_map(Searched::rows).collect();
     let changes = changed(&first.folder, &second.folder)?;
     notes.extend(one_seed(&seeds, "scenes"));
     notes.extend(alike(&rows));

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::cli::look::compare::{Block, Blocks, blocks};
+use crate::cli::look::compare::{Blocks, Searched, blocks};
 use crate::cli::look::compared_pairs::Side;
 use crate::cli::terminal::exit::Failure;
 use crate::evidence::report::{Other, OtherRow};
@@ -17,22 +17,9 @@ pub fn other(own: &Side, place: &Path) -> Result<Other, Failure> {
         let text = format!("{}: expected another run than the report's, found the same root", place.display());
         return Err(Failure::bad_input(text));
     }
-    let Blocks { rows, pairs, one_attack, notes, .. } = blocks(own, &theirs)?;
+    let Blocks { searches, pairs, one_attack, notes } = blocks(own, &theirs)?;
     let mut made = Other::of(&theirs.run, notes);
-    let mut seeds_left = 0;
-    for (search, of) in rows {
-        // What was pooled stands for its seeds, which follow it.
-        let seeds = match &of {
-            Block::Two(_) if seeds_left > 0 => {
-                seeds_left -= 1;
-                continue;
-            }
-            Block::Two(_) => 1,
-            Block::Seeds { seeds, .. } => {
-                seeds_left = *seeds;
-                *seeds
-            }
-        };
+    for (search, of, seeds) in searches.into_iter().flat_map(Searched::summary) {
         made.rows.push(OtherRow { search, seeds, scenes: of.scenes(), quantities: of.quantities().to_vec() });
     }
     for [first, second] in pairs.iter().filter(|_| one_attack) {

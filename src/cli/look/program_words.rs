@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::adapters::vocabulary;
 use crate::epoch::Study;
 use crate::evidence::RecordedRun;
-use crate::evidence::report::{FlowStep, Words};
+use crate::evidence::report::Words;
 
 /// Of each lineage whose parent did not stay; what an expression may read everywhere, and the parameters of the families.
 pub fn of(study: &Study, run: &RecordedRun) -> Words {
@@ -17,9 +17,7 @@ pub fn of(study: &Study, run: &RecordedRun) -> Words {
         if result.parent.solution != result.evolved.solution {
             let changes = source.contract.changes(parent, chosen).into_iter().map(|change| change.says);
             words.changes.insert(result.evolved.solution.clone(), changes.collect());
-            let steps = source.contract.flow(parent, chosen).into_iter();
-            let steps = steps.map(|of| FlowStep { depth: of.depth, says: of.says, is_new: of.is_new });
-            words.flows.insert(result.evolved.solution.clone(), steps.collect());
+            words.flows.insert(result.evolved.solution.clone(), source.contract.flow(parent, chosen));
         }
         for (name, spec) in &source.contract.parameters {
             words.meanings.entry(name.clone()).or_insert_with(|| spec.describes.clone());

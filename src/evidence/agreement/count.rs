@@ -63,12 +63,9 @@ pub struct Agreement {
     pub of: Of,
     pub row: String,
     pub rollouts: usize,
-    /// Contact in both, in the first alone, in the second alone, in neither.
-    pub confusion: [usize; 4],
-    /// Share of rollouts about which both say the same.
-    pub agreement: Interval,
-    /// Cohen's kappa; `None` where one simulator always says the same.
-    pub kappa: Option<Interval>,
+    /// Whether there is a contact. In a file its numbers stand beside the others.
+    #[serde(flatten)]
+    pub contact: Judged,
     /// Of the contacts in both: with the same road user.
     pub same_partner: usize,
     /// Of the contacts in both: median of the times' distance, s.
@@ -102,6 +99,7 @@ pub struct LabelAgreement {
 pub struct Judged {
     /// Yes in both, in the first alone, in the second alone, in neither.
     pub confusion: [usize; 4],
+    /// Share about which both say the same.
     pub agreement: Interval,
     /// Cohen's kappa; `None` where one of them always says the same.
     pub kappa: Option<Interval>,
@@ -207,9 +205,7 @@ fn agreement((of, row): (Of, &str), pairs: &[&Pair]) -> Agreement {
         of,
         row: row.to_string(),
         rollouts: pairs.len(),
-        confusion: contact.confusion,
-        agreement: contact.agreement,
-        kappa: contact.kappa,
+        contact,
         same_partner: met.iter().filter(|(a, b)| a.with == b.with).count(),
         contact_time_apart_s: median(apart),
         ego_apart: BEFORE_S.into_iter().map(before).collect(),

@@ -62,8 +62,8 @@ fn rows_count_contacts_partners_times_and_egos() {
     ];
     let report = counted(&pairs);
     let all = &report.rows[0];
-    assert_eq!((all.confusion, all.rollouts, all.same_partner), ([2, 1, 0, 1], 4, 1));
-    assert!((all.agreement.value - 0.75).abs() < 1e-12 && all.agreement.low < 0.75);
+    assert_eq!((all.contact.confusion, all.rollouts, all.same_partner), ([2, 1, 0, 1], 4, 1));
+    assert!((all.contact.agreement.value - 0.75).abs() < 1e-12 && all.contact.agreement.low < 0.75);
     assert!((all.contact_time_apart_s.unwrap() - 0.1).abs() < 1e-9);
     // One second before: all three with a contact; five seconds before: only the contact at 6 s.
     let apart =

@@ -81,7 +81,7 @@ fn judged(judged: &Judged) -> String {
 /// Causes by what mends them.
 fn changes(report: &Report) -> String {
     let Some(all) = report.rows.first().filter(|_| !report.changes.is_empty()) else { return String::new() };
-    let [_, first, second, _] = all.confusion;
+    let [_, first, second, _] = all.contact.confusion;
     let (disagree, agree) = (first + second, all.rollouts - first - second);
     let mut out = format!(
         "\nThe same commands in our plant with one option changed: {disagree} disagreements to mend, {agree} rollouts to break\n\n\
@@ -105,10 +105,10 @@ fn kappa(kappa: Option<Interval>) -> String {
 }
 
 fn line(row: &Agreement) -> String {
-    let [both, first, second, neither] = row.confusion;
+    let [both, first, second, neither] = row.contact.confusion;
     let percent = |x: f64| 100.0 * x;
-    let Interval { value, low, high } = row.agreement;
-    let kappa = kappa(row.kappa);
+    let Interval { value, low, high } = row.contact.agreement;
+    let kappa = kappa(row.contact.kappa);
     let apart: Vec<String> = row.ego_apart.iter().map(of_n).collect();
     format!(
         "| {}{} | {} | {both} | {first} | {second} | {neither} | {:.1} [{:.1}, {:.1}] | {kappa} | {} | {} | {} |",

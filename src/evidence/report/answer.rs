@@ -1,5 +1,6 @@
 //! The first screen as markup: it stands before the data, so that it is there at once and without a script.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use super::super::recorded_run::RecordedRun;
@@ -95,21 +96,12 @@ fn short_of_rule(run: &RecordedRun, of: &Headline, realism_min: f64) -> String {
 
 /// The signs that the lines have.
 fn legend(headlines: &[Headline]) -> String {
-    let all = [
-        Verdict::Gain,
-        Verdict::Trade,
-        Verdict::Concession,
-        Verdict::Unsure,
-        Verdict::Loss,
-        Verdict::Parent,
-        Verdict::Plain,
-    ];
-    let used = all.into_iter().filter(|verdict| headlines.iter().any(|of| of.verdict == *verdict));
+    let used: BTreeSet<Verdict> = headlines.iter().map(|of| of.verdict).collect();
     let entry = |verdict| {
         let (class, mark, means) = sign(verdict);
         format!("<span class=\"key {class}\"><span class=\"mark\">{mark}</span> {means}</span>")
     };
-    used.map(entry).collect()
+    used.into_iter().map(entry).collect()
 }
 
 /// Class, sign and meaning of a verdict.

@@ -7,8 +7,8 @@ use super::super::agreement;
 use super::super::credit::Credit;
 use super::others::Other;
 use crate::archive::SelectorOptions;
-use crate::objects::SolutionId;
 use crate::objects::cost::RunCost;
+use crate::objects::{FlowStep, SolutionId};
 
 /// What a page tells beside the run's events.
 pub struct Beside<'a> {
@@ -37,17 +37,6 @@ pub struct Words {
     pub flows: BTreeMap<SolutionId, Vec<FlowStep>>,
     /// What the names in expressions mean, with their units.
     pub meanings: BTreeMap<String, String>,
-}
-
-/// A step of what a program does with a scene.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct FlowStep {
-    /// How deep it stands: a step of one of two ways stands below the node in which they meet.
-    pub depth: usize,
-    /// What is done.
-    pub says: String,
-    /// Whether the parent has no such step, or one with other settings.
-    pub is_new: bool,
 }
 
 /// A run that goes on while its page is looked at.

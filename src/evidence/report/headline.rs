@@ -5,9 +5,8 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use super::super::recorded_run::RecordedRun;
-use super::super::tables::{Compared, Estimate, called, compared, pooled};
+use super::super::tables::{Compared, Estimate, called, compared, is_ram, pooled};
 use super::mechanism;
-use crate::evaluation::ContactClass;
 use crate::kernel::num;
 use crate::objects::{LineageId, Met, SolutionId, event::LineageResult};
 use crate::text::counted;
@@ -265,12 +264,8 @@ fn contacts_say(run: &RecordedRun, of: &LineageResult, verdict: Verdict) -> (Str
     if was[1] > 0 {
         says += &format!(" (its parent's: {} %)", percent(was));
     }
-    let contacts = contacts(run, &of.evolved.solution);
-    let all: usize = contacts.iter().map(|(_, count)| count).sum();
-    let rams = contacts
-        .iter()
-        .find(|(class, _)| class == ContactClass::RearEndEgoStruck.name())
-        .map_or(0, |(_, count)| *count);
+    let all = counting(run, &of.evolved.solution).count();
+    let rams = counting(run, &of.evolved.solution).filter(|met| is_ram(met)).count();
     if 5 * rams >= all {
         says += &format!("; {} % are rams from behind", percent([rams, all]));
     }

@@ -7,10 +7,8 @@ use std::collections::BTreeSet;
 use super::super::recorded_run::RecordedRun;
 use super::beside::Words;
 use crate::objects::expr::{Expr, outline};
-use crate::objects::{
-    OperatorNode, ParameterValue, Program, Setting, Slot, SolutionId, event::LineageResult, program_diff,
-};
-use crate::text::counted;
+use crate::objects::{OperatorNode, Program, Setting, Slot, SolutionId, event::LineageResult, program_diff};
+use crate::text::{counted, in_words};
 
 /// Clauses of a phrase at most: a reader of the first screen wants the gist.
 const CLAUSES_MAX: usize = 3;
@@ -34,8 +32,7 @@ pub fn of(run: &RecordedRun, result: &LineageResult, words: &Words) -> Option<Va
         .iter()
         .filter(|rule| !parent.scenario_conditioned_policy.contains(rule))
         .map(|rule| entry(&rule.name, "where this rule holds", &rule.when));
-    let modules =
-        modules.map(|(name, module)| entry(name, &module.slot.replace('_', " "), &module.expression)).chain(rules);
+    let modules = modules.map(|(name, module)| entry(name, &in_words(&module.slot), &module.expression)).chain(rules);
     Some(json!({
         "says": phrase(parent, chosen),
         "steps": steps,
@@ -102,8 +99,8 @@ pub fn phrase(parent: &Program, chosen: &Program) -> String {
         .iter()
         .filter(|(name, value)| parent.parameters.get(*name) != Some(value))
         .map(|(name, value)| match parent.parameters.get(name) {
-            Some(old) => format!("{} {} in place of {}", plain(name), valued(value), valued(old)),
-            None => format!("{} {}", plain(name), valued(value)),
+            Some(old) => format!("{} {} in place of {}", in_words(name), value.in_words(), old.in_words()),
+            None => format!("{} {}", in_words(name), value.in_words()),
         })
         .collect();
     match &set[..] {
@@ -153,7 +150,7 @@ fn clause(node: &OperatorNode, old: Option<&OperatorNode>) -> String {
         _ => None,
     };
     let chosen = if by.is_empty() { " by rank" } else { &by };
-    let (noun, kind) = (noun(node.slot), plain(&node.kind));
+    let (noun, kind) = (noun(node.slot), in_words(&node.kind));
     match (node.slot, count, old) {
         (Slot::Law, ..) => format!("road users that answer the ego as they drive{by}"),
         (Slot::Actor, Some(1), _) => format!("one adversary, chosen{chosen}"),
@@ -171,9 +168,9 @@ fn clause(node: &OperatorNode, old: Option<&OperatorNode>) -> String {
         },
         (slot, ..) => {
             let value = |(name, setting): (&String, &Setting)| match setting {
-                Setting::Number(number) => Some(format!("{} {number}", plain(name))),
-                Setting::Choice(word) => Some(format!("{} {}", plain(name), plain(word))),
-                Setting::Parameter(_) => Some(plain(name)),
+                Setting::Number(number) => Some(format!("{} {number}", in_words(name))),
+                Setting::Choice(word) => Some(format!("{} {}", in_words(name), in_words(word))),
+                Setting::Parameter(_) => Some(in_words(name)),
                 Setting::Mechanism(_) => None,
             };
             let set: Vec<String> = new().filter_map(value).take(2).collect();
@@ -188,16 +185,9 @@ fn clause(node: &OperatorNode, old: Option<&OperatorNode>) -> String {
     }
 }
 
-fn valued(value: &ParameterValue) -> String {
-    match value {
-        ParameterValue::Number(number) => number.to_string(),
-        ParameterValue::Choice(word) => plain(word),
-    }
-}
-
 /// The name that a proposer gave to something.
 fn quoted(name: &str) -> String {
-    format!("“{}”", plain(name))
+    format!("“{}”", in_words(name))
 }
 
 /// Each clause once, and how often where that is more than once.
@@ -215,10 +205,6 @@ fn counted_once(clauses: Vec<String>) -> Vec<String> {
         _ => format!("{clause} ({times} times)"),
     };
     counts.into_iter().map(said).collect()
-}
-
-fn plain(name: &str) -> String {
-    name.replace('_', " ")
 }
 
 /// `a, b and c`.

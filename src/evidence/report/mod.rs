@@ -15,7 +15,7 @@ mod stage;
 mod terms;
 mod trust;
 
-pub use beside::{Beside, FlowStep, Live, Words};
+pub use beside::{Beside, Live, Words};
 pub use headline::shown;
 pub use mechanism::phrase as patch_in_words;
 pub use others::{Other, OtherRow};

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::super::recorded_run::RecordedRun;
 use super::stage::Stage;
 use crate::evidence::{Gravity, audit};
-use crate::text::counted;
+use crate::text::{counted, in_words};
 
 /// One badge.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -98,7 +98,7 @@ fn proposers(run: &RecordedRun) -> Badge {
             (format!("proposed by a model: {actor}{critics}"), Standing::Holds)
         }
     };
-    let roles: Vec<String> = scripted.iter().map(|role| role.replace('_', " ")).collect();
+    let roles: Vec<String> = scripted.iter().map(|role| in_words(role)).collect();
     let rests_on = match roles.is_empty() {
         true => "The models' answers are recorded: the run replays without them.".to_string(),
         false => format!(

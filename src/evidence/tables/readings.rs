@@ -34,7 +34,8 @@ fn brought_about(scene: &SceneScore) -> Option<&Met> {
     scene.contact.as_ref().filter(|met| scene.acted && met.adversary && !met.anyway)
 }
 
-fn is_ram(met: &Met) -> bool {
+/// Whether the ego is struck from behind.
+pub fn is_ram(met: &Met) -> bool {
     met.class == ContactClass::RearEndEgoStruck.name()
 }
 

@@ -1,0 +1,14 @@
+//! A step of what a program does with a scene.
+
+use serde::Serialize;
+
+/// One step, in the order in which a scene passes it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct FlowStep {
+    /// How deep it stands: a step of one of two ways stands below the node in which they meet.
+    pub depth: usize,
+    /// What is done.
+    pub says: String,
+    /// Whether the program to compare with has no such step, or one with other settings.
+    pub is_new: bool,
+}

@@ -87,16 +87,21 @@ impl RealismSums {
     /// Over these labels, in their order.
     pub fn of<'s>(scenes: impl IntoIterator<Item = &'s SceneScore>) -> RealismSums {
         let mut sums = RealismSums::default();
-        for scene in scenes.into_iter().filter(|scene| scene.acted) {
-            sums.acted += 1;
-            sums.acted_realism += scene.realism;
+        scenes.into_iter().for_each(|scene| sums.add(scene));
+        sums
+    }
+
+    /// Adds a label.
+    pub fn add(&mut self, scene: &SceneScore) {
+        if scene.acted {
+            self.acted += 1;
+            self.acted_realism += scene.realism;
             if scene.attack > 0.0 {
-                sums.succeeded += 1;
-                sums.attack += scene.attack;
-                sums.attack_realism += scene.attack * scene.realism;
+                self.succeeded += 1;
+                self.attack += scene.attack;
+                self.attack_realism += scene.attack * scene.realism;
             }
         }
-        sums
     }
 
     /// The same without one of the labels.

@@ -69,6 +69,17 @@ impl Estimate {
         Estimate { value, interval: Some([value - half, value + half]), spread: Some(spread) }
     }
 
+    /// The mean of a number over the repetitions of one search: `of_seeds` has it of each, `drawn` the mean over drawn scenes, of `scenes`
+    /// independent ones. Without an interval where there are no draws, `None` without a repetition.
+    pub(super) fn over_seeds(of_seeds: Vec<f64>, drawn: Option<&[f64]>, scenes: usize) -> Option<Estimate> {
+        let value = num::mean(&of_seeds)?;
+        Some(match drawn {
+            None => Estimate::plain(value),
+            Some(drawn) if of_seeds.len() < 2 => Estimate::drawn(value, drawn),
+            Some(drawn) => Estimate::repeated(value, &[(1.0, of_seeds)], (drawn, scenes)),
+        })
+    }
+
     /// The same where the number cannot lie outside of these bounds: no share is below 0.
     pub(super) fn within(self, [low, high]: [f64; 2]) -> Estimate {
         let ends = |[from, to]: [f64; 2]| match (low..=high).contains(&self.value) {
@@ -193,6 +204,13 @@ fn resampled(quantities: &[Quantity]) -> Vec<Vec<f64>> {
         }
     }
     resampled
+}
+
+/// The scenes of each resample of a suite of `size` scenes, as all estimates of this suite draw them: what is no mean over scenes is computed
+/// from them.
+pub(super) fn draws(suite: Digest, size: usize) -> impl Iterator<Item = Vec<usize>> {
+    let mut draws = Draws::of("bootstrap", BTreeMap::from([(suite, size)]));
+    (0..RESAMPLES).map(move |_| draws.next().remove(&suite).unwrap_or_default())
 }
 
 /// The 95 % percentile interval of a quantity's resampled values; `None` without any.

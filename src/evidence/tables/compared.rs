@@ -27,7 +27,7 @@ pub struct Compared {
     /// Each over the paired scenes in which that program has it.
     pub first: Estimate,
     pub second: Estimate,
-    /// Second minus first, drawn scene by scene; of strict realism, which is no mean over scenes, the difference of the two.
+    /// Second minus first, drawn scene by scene.
     pub difference: Estimate,
 }
 
@@ -152,7 +152,7 @@ fn quantities(seeds: &[Vec<Pair<'_>>], drawn: Option<&Drawn>, with_strict: bool)
     let own =
         shared.into_iter().filter_map(|name| quantity(name, &|label| label.metrics.get(name).copied(), (seeds, drawn)));
     let shipped = QUANTITIES.iter().filter_map(|(name, reading)| quantity(name, reading, (seeds, drawn)));
-    let strict = with_strict.then(|| strict_realism(seeds)).flatten();
+    let strict = with_strict.then(|| strict_realism(seeds, drawn)).flatten();
     let mut quantities: Vec<Compared> = shipped.collect();
     let behind = quantities.iter().position(|row| row.quantity == "realism").map_or(quantities.len(), |at| at + 1);
     quantities.splice(behind..behind, strict);
@@ -178,17 +178,40 @@ fn scenes_of<'a>(seeds: &[Vec<Pair<'a>>]) -> BTreeSet<&'a str> {
     seeds.iter().flatten().map(|[first, _]| first.scene.as_str()).collect()
 }
 
-/// The stricter realism of both over the paired scenes, the mean over seeds, without intervals; `None` where one acts in none of
-/// them.
-fn strict_realism(seeds: &[Vec<Pair<'_>>]) -> Option<Compared> {
-    let of = |at: usize| -> Option<f64> {
-        let of_seed = |pairs: &Vec<Pair<'_>>| RealismSums::of(pairs.iter().map(|pair| pair[at])).realism();
-        num::mean(&seeds.iter().map(of_seed).collect::<Option<Vec<f64>>>()?)
+/// The stricter realism of both over the paired scenes, the mean over seeds; `None` where one acts in none of them. It is no mean over scenes:
+/// every draw computes it anew from the labels that were drawn, and one that leaves it undefined falls out.
+fn strict_realism(seeds: &[Vec<Pair<'_>>], drawn: &Drawn) -> Option<Compared> {
+    let at: Vec<Vec<Option<&Pair<'_>>>> = seeds.iter().map(|pairs| in_order(pairs, &drawn.scenes)).collect();
+    // Of every seed the strict realism of both programs, over these scenes.
+    let both = |draw: &[usize]| -> Option<Vec<[f64; 2]>> {
+        let of_seed = |pairs: &Vec<Option<&Pair<'_>>>| {
+            let mut sums = [RealismSums::default(); 2];
+            for [first, second] in draw.iter().filter_map(|scene| *pairs.get(*scene)?) {
+                sums[0].add(first);
+                sums[1].add(second);
+            }
+            Some([sums[0].realism()?, sums[1].realism()?])
+        };
+        at.iter().map(of_seed).collect()
     };
-    let (first, second) = (of(0)?, of(1)?);
-    let [before, after, difference] = [first, second, second - first].map(Estimate::plain);
-    let (quantity, scenes) = (STRICT_REALISM.to_string(), scenes_of(seeds).len());
-    Some(Compared { quantity, scenes, first: before, second: after, difference })
+    let own = both(&(0..drawn.scenes.len()).collect::<Vec<_>>())?;
+    let draws: Vec<Vec<[f64; 2]>> =
+        bootstrap::draws(drawn.suite, drawn.scenes.len()).filter_map(|draw| both(&draw)).collect();
+    let count = scenes_of(seeds).len();
+    let estimate = |read: fn(&[f64; 2]) -> f64| {
+        let values = |of: &Vec<[f64; 2]>| of.iter().map(read).collect::<Vec<f64>>();
+        let resampled: Vec<f64> = draws.iter().filter_map(|of| num::mean(&values(of))).collect();
+        Estimate::over_seeds(values(&own), Some(&resampled), count)
+    };
+    let [first, second] = [estimate(|of| of[0])?, estimate(|of| of[1])?].map(|of| Form::Rate.bounded(of));
+    let difference = estimate(|of| of[1] - of[0])?;
+    Some(Compared { quantity: STRICT_REALISM.to_string(), scenes: count, first, second, difference })
+}
+
+/// The pair of each of these scenes; nothing where a scene has none.
+fn in_order<'p, 'a>(pairs: &'p [Pair<'a>], scenes: &[String]) -> Vec<Option<&'p Pair<'a>>> {
+    let by_scene: BTreeMap<&str, &Pair<'_>> = pairs.iter().map(|pair| (pair[0].scene.as_str(), pair)).collect();
+    scenes.iter().map(|scene| by_scene.get(scene.as_str()).copied()).collect()
 }
 
 /// The three estimates of a quantity from the same draws: each program's over the scenes in which it has it, their difference over
@@ -200,8 +223,7 @@ fn quantity(
 ) -> Option<Compared> {
     let (suite, scenes) = (drawn.suite, &drawn.scenes);
     let of_seed = |pairs: &Vec<Pair<'_>>| -> Vec<[Option<f64>; 2]> {
-        let by_scene: BTreeMap<&str, &Pair<'_>> = pairs.iter().map(|pair| (pair[0].scene.as_str(), pair)).collect();
-        scenes.iter().map(|scene| by_scene.get(scene.as_str()).map_or([None, None], |pair| pair.map(reading))).collect()
+        in_order(pairs, scenes).into_iter().map(|pair| pair.map_or([None, None], |pair| pair.map(reading))).collect()
     };
     let both: Vec<Vec<[Option<f64>; 2]>> = seeds.iter().map(of_seed).collect();
     let change = |pair: &[Option<f64>; 2]| Some(pair[1]? - pair[0]?);
@@ -275,7 +297,30 @@ mod tests {
         assert!((pooled.difference.value - 0.3).abs() < 1e-12 && pooled.scenes == 20, "{pooled:?}");
         let [low, high] = pooled.difference.interval.unwrap();
         assert!(low < 0.1 && high > 0.6, "{low} {high}");
-        let strict = strict_realism(&seeds).unwrap();
+        let strict = strict_realism(&seeds, &Drawn::by_name(&seeds)).unwrap();
         assert!((strict.first.value - 0.8).abs() < 1e-12 && strict.scenes == 20, "{strict:?}");
+    }
+
+    #[test]
+    fn strict_realism_is_computed_anew_from_each_draw_for_both_programs_alike() {
+        // In every other scene an attack, which is less realistic than the rest: strict realism is that of the attacks.
+        let of = |less: f64| -> Vec<SceneScore> {
+            let realism = |k: usize| if k.is_multiple_of(2) { 0.6 + 0.01 * k as f64 } else { 1.0 };
+            (0..40).map(|k| label(&k.to_string(), ((k + 1) % 2) as f64, true, realism(k) - less)).collect()
+        };
+        let (first, second) = (of(0.0), of(0.05));
+        let pairs = [first.iter().zip(&second).map(|(a, b)| [a, b]).collect::<Vec<Pair<'_>>>()];
+        let strict = strict_realism(&pairs, &Drawn::by_name(&pairs)).unwrap();
+        assert!(
+            (strict.first.value - 0.79).abs() < 1e-12 && (strict.difference.value + 0.05).abs() < 1e-12,
+            "{strict:?}"
+        );
+        let [low, high] = strict.first.interval.unwrap();
+        assert!(
+            low < 0.76 && high > 0.82 && high < 0.9,
+            "the attacks differ, and no draw is of the other scenes: {low} {high}"
+        );
+        let [low, high] = strict.difference.interval.unwrap();
+        assert!(low > -0.0501 && high < -0.0499, "both draw the same scenes: {low} {high}");
     }
 }

@@ -53,21 +53,12 @@ impl Resampled {
         let of_seeds = |seeds: &Vec<Rounds>| seeds.iter().map(|rounds| quantity(rounds)).collect::<Option<Vec<f64>>>();
         let own = of_seeds(&self.measured)?;
         let drawn: Option<Vec<f64>> = self.drawn.iter().map(|seeds| num::mean(&of_seeds(seeds)?)).collect();
-        self.estimated(own, drawn.as_deref())
+        Estimate::over_seeds(own, drawn.as_deref(), self.groups)
     }
 
     /// PF-Area@3 with its interval.
     pub fn gain(&self) -> Option<Estimate> {
-        self.estimated(self.gains_pct.clone(), Some(&self.drawn_gains_pct))
-    }
-
-    fn estimated(&self, of_seeds: Vec<f64>, drawn: Option<&[f64]>) -> Option<Estimate> {
-        let value = num::mean(&of_seeds)?;
-        Some(match drawn {
-            None => Estimate::plain(value),
-            Some(drawn) if of_seeds.len() < 2 => Estimate::drawn(value, drawn),
-            Some(drawn) => Estimate::repeated(value, &[(1.0, of_seeds)], (drawn, self.groups)),
-        })
+        Estimate::over_seeds(self.gains_pct.clone(), Some(&self.drawn_gains_pct), self.groups)
     }
 }
 

@@ -125,7 +125,7 @@ impl Ask for Live {
 fn drafts_parse_and_pass_the_gates_in_every_family() {
     let spec = model(7, [0.0; 4]);
     for stage in stages() {
-        let refused: Vec<_> = (0..300)
+        let refused: Vec<_> = (0..120)
             .map(|slot| drafted(&stage, slot, &spec))
             .filter_map(|patch| {
                 let problems = gate_problems(&stage, &patch);
@@ -133,8 +133,8 @@ fn drafts_parse_and_pass_the_gates_in_every_family() {
             })
             .collect();
         let family = &stage.example.contract.family;
-        println!("{family}: {} of 300 drafts fail a gate", refused.len());
-        assert!(refused.len() <= 30, "{family}: {} of 300, e.g. {:#?}", refused.len(), refused.first());
+        println!("{family}: {} of 120 drafts fail a gate", refused.len());
+        assert!(refused.len() <= 12, "{family}: {} of 120, e.g. {:#?}", refused.len(), refused.first());
     }
 }
 
@@ -142,7 +142,7 @@ fn drafts_parse_and_pass_the_gates_in_every_family() {
 fn drafts_are_mostly_structural_and_of_many_kinds() {
     let spec = model(11, [0.0; 4]);
     for stage in stages() {
-        let patches: Vec<ProgramPatch> = (0..300).map(|slot| drafted(&stage, slot, &spec)).collect();
+        let patches: Vec<ProgramPatch> = (0..120).map(|slot| drafted(&stage, slot, &spec)).collect();
         let scalar =
             patches.iter().filter(|p| p.operations.iter().all(|o| o.value.as_ref().is_some_and(is_scalar))).count();
         let modules =
@@ -157,9 +157,9 @@ fn drafts_are_mostly_structural_and_of_many_kinds() {
             stage.example.contract.family,
             expressions.len()
         );
-        assert!(scalar < 75, "{scalar} of 300 only set numbers or words");
-        assert!(modules > 100, "{modules} of 300 touch a mechanism");
-        assert!(expressions.len() > 90, "{} different expressions", expressions.len());
+        assert!(scalar < 30, "{scalar} of 120 only set numbers or words");
+        assert!(modules > 40, "{modules} of 120 touch a mechanism");
+        assert!(expressions.len() > 36, "{} different expressions", expressions.len());
     }
 }
 
@@ -180,7 +180,7 @@ fn the_same_request_gets_the_same_bytes_and_other_slots_other_ones() {
 fn without_declared_errors_no_reply_of_any_role_is_refused() {
     let (spec, mut replies) = (model(5, [0.0; 4]), 0);
     for stage in stages() {
-        for slot in 0..60 {
+        for slot in 0..30 {
             let text = patch_text(&drafted(&stage, slot, &spec)).unwrap();
             let mut reviews = vec![];
             for role in Role::CRITICS {
@@ -193,13 +193,13 @@ fn without_declared_errors_no_reply_of_any_role_is_refused() {
             replies += 6;
         }
     }
-    assert_eq!(replies, 360 * stages().len());
+    assert_eq!(replies, 180 * stages().len());
 }
 
 #[test]
 fn errors_come_at_the_declared_rates() {
     let stage = &stages()[1];
-    let draws = 2000u32;
+    let draws = 1000u32;
     let identity = stage.example.parent_hash().to_hex();
     let replies =
         |rates: [f64; 4]| -> Vec<Vec<u8>> { (0..draws).map(|slot| draft(stage, slot, &model(1, rates))).collect() };
@@ -241,10 +241,13 @@ fn repaired(stage: &Stage, patch: &ProgramPatch, reviews: &[Review], slot: u32) 
     reply::patch(&bytes, Role::Repair).unwrap()
 }
 
+/// Drafts that are broken on purpose, a family and kind of error.
+const BROKEN: u32 = 40;
+
 /// How many of a kind of broken drafts some critic holds against, and how many of those the repair mends for the gates.
 fn caught_and_mended(stage: &Stage, rates: [f64; 4]) -> (usize, usize, usize) {
     let (mut broken, mut caught, mut mended) = (0, 0, 0);
-    for slot in 0..100 {
+    for slot in 0..BROKEN {
         let patch = drafted(stage, slot, &model(2, rates));
         if gate_problems(stage, &patch).is_empty() {
             continue;
@@ -261,6 +264,7 @@ fn caught_and_mended(stage: &Stage, rates: [f64; 4]) -> (usize, usize, usize) {
 
 #[test]
 fn critics_notice_planted_errors_and_the_repair_mends_most_of_what_they_raise() {
+    let mut all = [0, 0, 0];
     for stage in stages() {
         for (kind, rates) in
             [("range", [0.0, 1.0, 0.0, 0.0]), ("foreign", [0.0, 0.0, 1.0, 0.0]), ("hash", [0.0, 0.0, 0.0, 1.0])]
@@ -270,11 +274,14 @@ fn critics_notice_planted_errors_and_the_repair_mends_most_of_what_they_raise() 
             }
             let (broken, caught, mended) = caught_and_mended(&stage, rates);
             println!("{} {kind}: {broken} broken, {caught} caught, {mended} mended", stage.example.contract.family);
-            assert!(broken >= 95, "{kind}: {broken} of 100 are broken");
+            assert!(broken >= BROKEN as usize - 2, "{kind}: {broken} of {BROKEN} are broken");
             assert!(caught * 100 >= broken * 65, "{kind}: {caught} of {broken} are caught");
             assert!(mended * 10 >= caught * 6, "{kind}: {mended} of {caught} are mended");
+            all = [all[0] + broken, all[1] + caught, all[2] + mended];
         }
     }
+    // A critic overlooks a tenth: of all families together few errors are lost.
+    assert!(all[1] * 10 >= all[0] * 7, "{all:?}");
 }
 
 #[test]
@@ -294,11 +301,12 @@ fn a_repair_that_was_shown_a_garbled_reply_gives_back_the_actors_patch() {
 
 #[test]
 fn whole_proposals_end_in_patches_and_in_declines() {
+    let mut declined = 0;
     for stage in stages() {
         let spec = model(8, [0.04, 0.06, 0.04, 0.03]);
         let models: BTreeMap<Role, ModelSpec> = ROLES.into_iter().map(|role| (role, spec.clone())).collect();
         let mut ends = BTreeMap::<&str, usize>::new();
-        for slot in 0..150 {
+        for slot in 0..60 {
             let target = target(slot);
             let task = Task {
                 briefing: &stage.briefing,
@@ -319,9 +327,10 @@ fn whole_proposals_end_in_patches_and_in_declines() {
             *ends.entry(end).or_default() += 1;
         }
         println!("{}: {ends:?}", stage.example.contract.family);
-        assert!(ends["admitted"] >= 90, "{ends:?}");
-        assert!(ends.get("declined").is_some_and(|n| *n >= 3), "{ends:?}");
+        assert!(ends["admitted"] >= 36, "{ends:?}");
+        declined += ends.get("declined").copied().unwrap_or_default();
     }
+    assert!(declined >= stages().len(), "{declined}");
 }
 
 #[test]

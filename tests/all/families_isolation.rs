@@ -6,6 +6,7 @@ use evodrive::candidates::{Admission, Judging, Trials, admit};
 use evodrive::families;
 use evodrive::objects::{Gate, LineageId, Operation, OperationKind, ProgramPatch, SolutionId};
 use serde_json::{Value, json};
+use std::collections::{BTreeMap, BTreeSet};
 
 fn judged(registry: &Registry, family: &Family, operation: Operation) -> Admission {
     let mut parent = family.parent.clone();
@@ -58,21 +59,26 @@ fn fails_isolation(admission: &Admission) -> bool {
 #[test]
 fn a_patch_with_another_familys_private_word_fails_the_isolation_gate() {
     let registry = families::registry();
-    let mut pairs = 0;
-    for own in registry.iter() {
+    let (mut pairs, mut tried) = (0, BTreeMap::<String, BTreeSet<usize>>::new());
+    for (nth, own) in registry.iter().enumerate() {
         for other in registry.iter().filter(|o| o.contract.family != own.contract.family) {
             pairs += 1;
             assert!(!other.contract.private_vocabulary.is_empty());
-            for word in &other.contract.private_vocabulary {
-                for operation in uses(word) {
-                    let admission = judged(&registry, own, operation.clone());
-                    let (own, other) = (&own.contract.family, &other.contract.family);
-                    assert!(fails_isolation(&admission), "{own} may say `{word}` of {other} in {operation:?}");
-                    assert_eq!(admission.candidate, None);
-                }
+            // Every family tries every word, each at another place of a patch.
+            for (word, of) in other.contract.private_vocabulary.iter().zip(0..) {
+                let mut operations = uses(word);
+                let place = (nth + of) % operations.len();
+                let operation = operations.swap_remove(place);
+                let admission = judged(&registry, own, operation.clone());
+                let (own, other) = (&own.contract.family, &other.contract.family);
+                assert!(fails_isolation(&admission), "{own} may say `{word}` of {other} in {operation:?}");
+                assert_eq!(admission.candidate, None);
+                tried.entry(format!("{word} of {other}")).or_default().insert(place);
             }
         }
     }
+    let places = uses("word").len();
+    assert!(tried.values().all(|of| of.len() == places), "a word was not tried at every place: {tried:?}");
     let families = registry.iter().count();
     assert!(families > 1 && pairs == families * (families - 1));
 }

@@ -1,4 +1,4 @@
-//! The quickstart's first epoch, carried out in a folder of its own: a real run for tests of what follows a run.
+//! The first proposals of the quickstart, carried out in a folder of its own: a real run for tests of what follows a run.
 
 use std::path::Path;
 
@@ -15,6 +15,7 @@ pub fn carried_out<T>(clock: Option<Clock<'_>>, look: impl FnOnce(&Study, &Recor
     let mut experiment = Experiment::read(&file).unwrap();
     experiment.budget.epochs = 1;
     experiment.budget.finalists = 1;
+    experiment.budget.slots = 3;
     let threads = Threads::new(2).unwrap();
     let scenes = experiment.scenes(&[], &threads).unwrap();
     let cassette = Cassette::load(&file.parent().unwrap().join(&experiment.cassette)).unwrap();

@@ -186,21 +186,21 @@ fn policy_of(seed: u64) -> Policy {
 #[test]
 fn the_fast_rollout_is_the_plain_one_bit_for_bit() {
     let (mut contacts, mut ends) = (0, BTreeSet::new());
-    for seed in 0..300 {
+    for seed in 0..150 {
         let scene = scene_of(seed);
         let (fast, _, slow) = both(&scene, &drawn(&scene, seed), &policy_of(seed));
         assert_eq!(fast, slow, "seed {seed}");
         contacts += usize::from(fast.contact.is_some());
         ends.insert(format!("{:?}", fast.end));
     }
-    assert!(contacts > 50, "{contacts}");
+    assert!(contacts > 25, "{contacts}");
     assert_eq!(ends.len(), 4, "{ends:?}");
 }
 
 #[test]
 fn adversaries_under_laws_are_where_the_plain_rollout_has_them() {
     let (mut read, mut taken_over, mut contacts) = (BTreeSet::new(), 0, 0);
-    for seed in 0..200 {
+    for seed in 0..100 {
         let scene = scene_of(seed);
         let mut stream = Seed(seed).stream(&["laws"]);
         let act = Intervention { actions: under_laws(&scene, seed, &mut stream) };
@@ -220,13 +220,13 @@ fn adversaries_under_laws_are_where_the_plain_rollout_has_them() {
         }
     }
     assert_eq!(read.len(), Observed::ALL.len(), "not everything is read by a law that took over: {read:?}");
-    assert!(taken_over > 100 && contacts > 10, "{taken_over} took over, {contacts} contacts");
+    assert!(taken_over > 50 && contacts > 5, "{taken_over} took over, {contacts} contacts");
 }
 
 #[test]
 fn adversaries_by_scripts_are_where_the_plain_rollout_has_them() {
     let (mut set_off, mut waiting, mut contacts) = (0, 0, 0);
-    for seed in 0..300 {
+    for seed in 0..150 {
         let scene = scene_of(seed);
         let mut stream = Seed(seed).stream(&["scripts"]);
         let act = Intervention { actions: by_scripts(seed, &mut stream, 0) };
@@ -240,13 +240,13 @@ fn adversaries_by_scripts_are_where_the_plain_rollout_has_them() {
             (set_off, waiting) = (set_off + usize::from(moved), waiting + usize::from(!moved));
         }
     }
-    assert!(set_off > 150 && waiting > 50, "{set_off} set off, {waiting} not");
-    assert!(contacts > 30, "{contacts}");
+    assert!(set_off > 75 && waiting > 25, "{set_off} set off, {waiting} not");
+    assert!(contacts > 15, "{contacts}");
 }
 
 #[test]
 fn laws_and_scripts_side_by_side_see_each_other_as_in_the_plain_rollout() {
-    for seed in 0..100 {
+    for seed in 0..50 {
         let scene = scene_of(seed);
         let mut stream = Seed(seed).stream(&["both"]);
         let mut actions = under_laws(&scene, seed, &mut stream);

@@ -5,17 +5,18 @@
 //! more and then abstains: it has no say in the round, and never uses one up. After an unusable reply of the actor or a
 //! repair the round has no patch; the next repair sees the text.
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use super::{
-    findings::Findings,
+    findings::{Findings, for_repair},
     prompt::{Subject, patch_text, request},
     reply::{self, Refusal},
     task::Task,
     template::PromptError,
 };
 use crate::{
-    llm::{Ask, AskError, ModelSpec, Reply},
+    llm::{Ask, AskError, ModelSpec, Reply, Trial, Tried},
     objects::{Advice, Exchange, ProgramPatch, Proposal, Review, Role, Round},
 };
 
@@ -65,7 +66,7 @@ pub type Check<'a, E> = dyn Fn(&ProgramPatch) -> Result<Findings, E> + 'a;
 pub fn propose<E: From<AgentError>>(task: &Task<'_>, ask: &dyn Ask, check: &Check<'_, E>) -> Result<Proposed, E> {
     let mut talk = Talk { task, ask, exchanges: vec![] };
     let mut rounds: Vec<Round> = vec![];
-    let mut draft = talk.patch(Role::Actor, 0, &Subject::None)?;
+    let mut draft = talk.patch(Role::Actor, 0, &Subject::None, check)?;
     for round in 0..=task.max_repair_rounds {
         let last = round == task.max_repair_rounds;
         let next = match &draft {
@@ -79,7 +80,7 @@ pub fn propose<E: From<AgentError>>(task: &Task<'_>, ask: &dyn Ask, check: &Chec
                     Some(end) => Err(end),
                     None => {
                         let subject = Subject::Repair { patch: &text, reviews: &reviews, findings: &findings };
-                        Ok(talk.patch(Role::Repair, round + 1, &subject)?)
+                        Ok(talk.patch(Role::Repair, round + 1, &subject, check)?)
                     }
                 }
             }
@@ -89,7 +90,7 @@ pub fn propose<E: From<AgentError>>(task: &Task<'_>, ask: &dyn Ask, check: &Chec
                     true => Err(End::Declined { reason: format!("no readable patch: {refusal}") }),
                     false => {
                         let subject = Subject::Unreadable { reply, refusal: &refusal.0 };
-                        Ok(talk.patch(Role::Repair, round + 1, &subject)?)
+                        Ok(talk.patch(Role::Repair, round + 1, &subject, check)?)
                     }
                 }
             }
@@ -141,8 +142,20 @@ struct Talk<'a> {
 }
 
 impl Talk<'_> {
-    fn patch(&mut self, role: Role, round: u32, subject: &Subject<'_>) -> Result<Draft, AgentError> {
-        let (reply, read) = self.exchange(role, round, subject, |bytes| reply::patch(bytes, role))?;
+    /// A patch, drafts of which may be tried against the gates before.
+    fn patch<E: From<AgentError>>(
+        &mut self,
+        role: Role,
+        round: u32,
+        subject: &Subject<'_>,
+        check: &Check<'_, E>,
+    ) -> Result<Draft, E> {
+        let trial = Judged { model: model_of(self.task.models, role)?, role, check, failed: RefCell::new(None) };
+        let answered = self.exchange(role, round, subject, Some(&trial), |bytes| reply::patch(bytes, role));
+        if let Some(error) = trial.failed.into_inner() {
+            return Err(error);
+        }
+        let (reply, read) = answered?;
         Ok(match read {
             Ok(patch) => Draft::Patch(patch),
             Err(refusal) => Draft::Unreadable { reply: reply.bytes, refusal },
@@ -167,10 +180,11 @@ impl Talk<'_> {
         findings: &Findings,
     ) -> Result<Option<Review>, AgentError> {
         let read = |bytes: &[u8]| reply::review(bytes, role);
-        let (reply, first) = self.exchange(role, round, &Subject::Review { patch, findings, unusable: None }, read)?;
+        let (reply, first) =
+            self.exchange(role, round, &Subject::Review { patch, findings, unusable: None }, None, read)?;
         let Err(refusal) = first else { return Ok(first.ok()) };
         let unusable = Some((reply.bytes.as_slice(), refusal.0.as_str()));
-        let (_, second) = self.exchange(role, round, &Subject::Review { patch, findings, unusable }, read)?;
+        let (_, second) = self.exchange(role, round, &Subject::Review { patch, findings, unusable }, None, read)?;
         Ok(second.ok())
     }
 
@@ -180,11 +194,12 @@ impl Talk<'_> {
         role: Role,
         round: u32,
         subject: &Subject<'_>,
+        trial: Option<&dyn Trial>,
         read: impl Fn(&[u8]) -> Result<T, Refusal>,
     ) -> Result<(Reply, Result<T, Refusal>), AgentError> {
         let model = model_of(self.task.models, role)?;
         let asked = request(self.task, model, role, round, subject)?;
-        let reply = self.ask.ask(&asked)?;
+        let reply = trial.map_or_else(|| self.ask.ask(&asked), |trial| self.ask.ask_with(&asked, trial))?;
         let (bytes, unwrapped) = asked.model.opened(&reply.bytes);
         let answer = read(bytes);
         self.exchanges.push(Exchange {
@@ -198,6 +213,32 @@ impl Talk<'_> {
             refusal: answer.as_ref().err().map(ToString::to_string),
         });
         Ok((reply, answer))
+    }
+}
+
+/// A draft before the same reader and the same gates as an answer.
+struct Judged<'a, E> {
+    model: &'a ModelSpec,
+    role: Role,
+    check: &'a Check<'a, E>,
+    /// Why the gates could not be asked: it ends the loop once the question is answered.
+    failed: RefCell<Option<E>>,
+}
+
+impl<E> Trial for Judged<'_, E> {
+    fn tried(&self, draft: &[u8]) -> Tried {
+        let refused = |says: String| Tried { passes: false, says };
+        let patch = match reply::patch(self.model.opened(draft).0, self.role) {
+            Err(refusal) => return refused(format!("it cannot be read: {refusal}")),
+            Ok(patch) => patch,
+        };
+        match (self.check)(&patch) {
+            Ok(findings) => Tried { passes: findings.gates.passed(), says: for_repair(&findings).to_string() },
+            Err(error) => {
+                self.failed.borrow_mut().get_or_insert(error);
+                refused("the gates could not be asked; the recording says why when it ends".into())
+            }
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::cli::cluster::{bench, shard, worker};
 use crate::cli::evolve::job_args::{RecordArgs, ResumeArgs, RunArgs};
-use crate::cli::evolve::{exchange, init, plan, run, watch};
+use crate::cli::evolve::{ask, exchange, init, plan, run, watch};
 use crate::cli::look::{compare, credit, data, diff, figure, impact, lineage, report, show, table, why, world};
 use crate::cli::records::{bundle, fsck, run_name::OneRun};
 use crate::cli::reference::{known, manual, options};
@@ -50,6 +50,9 @@ pub enum Command {
     /// Questions to models of the kind `exchange`, which are answered in files.
     #[command(subcommand)]
     Exchange(exchange::Command),
+    /// Try a draft of an answer: says whether it can be read, passes the gates and compiles, before you give it. Nothing of attack or
+    /// realism is said, and the answer keeps how often you tried. Exit code 1: it would not pass.
+    Ask(ask::Options),
     /// Import, generate, list, show and compare scenes.
     #[command(subcommand)]
     Scenes(command::Command),
@@ -145,6 +148,7 @@ impl Command {
             Command::Verify(args) => run::verify(&args, jobs),
             Command::Record(args) => run::record(&args, jobs),
             Command::Exchange(command) => exchange::run(&command),
+            Command::Ask(options) => ask::run(&options),
             Command::Scenes(command) => command::run(command, jobs),
             Command::Calibrate(options) => calibrate::run(&options, jobs),
             Command::Lineage(options) => lineage::run(&options),

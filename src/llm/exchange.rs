@@ -3,7 +3,8 @@
 //! A question is `<n>.request.json` (messages, schema, key) and `<n>.request.md` (the same to read). Its answer is
 //! `<n>.reply.txt`: the bare reply, written under another name and renamed. Nothing waits for a limited time. The numbers are
 //! kept in the folder: the same question asked again, after an interruption too, is the same file, and an answer that is there
-//! already is taken.
+//! already is taken. Of a question that a patch answers drafts can be tried before: `<n>.try-<k>.txt` is judged while the
+//! reply is waited for, and `<n>.try-<k>.said.json` holds what gates and compiler say.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +12,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Completion, DrawSlot, Message, Metadata, Model, ModelError, Request, Schema, reply};
+use super::{
+    Completion, DrawSlot, Message, Metadata, Model, ModelError, Request, Schema, Trial, Tried, TriedDraft, reply,
+};
 use crate::{kernel::Digest, store};
 
 const FORMAT: &str = "evodrive-exchange/1";
@@ -110,11 +113,11 @@ impl Exchange {
 
 impl Model for Exchange {
     fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
-        let completed = self.awaited(request);
-        if let Err(error) = &completed {
-            self.broken().get_or_insert_with(|| error.clone());
-        }
-        completed
+        self.noted(self.awaited(request, None))
+    }
+
+    fn complete_with(&self, request: &Request, trial: &dyn Trial) -> Result<Completion, ModelError> {
+        self.noted(self.awaited(request, Some(trial)))
     }
 }
 
@@ -123,15 +126,27 @@ impl Exchange {
         self.broken.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Writes the question out and waits for its reply.
-    fn awaited(&self, request: &Request) -> Result<Completion, ModelError> {
+    /// An answer as it is; why there is none is kept for whoever else waits.
+    fn noted(&self, completed: Result<Completion, ModelError>) -> Result<Completion, ModelError> {
+        if let Err(error) = &completed {
+            self.broken().get_or_insert_with(|| error.clone());
+        }
+        completed
+    }
+
+    /// Writes the question out and waits for its reply; drafts are tried while it waits.
+    fn awaited(&self, request: &Request, trial: Option<&dyn Trial>) -> Result<Completion, ModelError> {
         let number = self.number(request)?;
         let path = self.dir.join(reply_name(number));
         let mut announced = false;
         loop {
             if let Some(bytes) = replied(&path)? {
-                let metadata = Metadata { model: self.provenance.clone(), ..Metadata::default() };
+                let tries = tries(&self.dir, number)?;
+                let metadata = Metadata { model: self.provenance.clone(), tries, ..Metadata::default() };
                 return Ok(Completion { bytes, metadata: Some(metadata) });
+            }
+            if let Some(trial) = trial {
+                self.judge(number, trial)?;
             }
             if !announced {
                 (self.tell)(&self.dir.join(format!("{number}.request.md")));
@@ -146,6 +161,99 @@ impl Exchange {
             }
         }
     }
+}
+
+impl Exchange {
+    /// Says what there is to say of each draft that waits for it.
+    fn judge(&self, number: u64, trial: &dyn Trial) -> Result<(), ModelError> {
+        for nth in 1..=TRIES_MAX {
+            let (draft, said) = (self.dir.join(draft_name(number, nth)), self.dir.join(said_name(number, nth)));
+            let Some(bytes) = replied(&draft)? else { return Ok(()) };
+            if !store::is_plain_file(&said).map_err(|error| on_disk(&said, &error))? {
+                let text = serde_json::to_vec_pretty(&trial.tried(&bytes)).map_err(|error| on_disk(&said, &error))?;
+                store::write_atomic(&said, &text).map_err(|error| on_disk(&said, &error))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Drafts of one question that are tried at most.
+pub const TRIES_MAX: u32 = 8;
+
+/// Puts a draft where it is tried: the file in which it will be said what it is worth. The same draft is tried once.
+///
+/// # Errors
+/// `question` is no question of an exchange that waits for a patch, is answered already, or was tried often enough.
+pub fn try_draft(question: &Path, draft: &[u8]) -> Result<PathBuf, ModelError> {
+    let refused = |reason: String| ModelError::Unanswerable { reason };
+    let name = question.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let number = name.strip_suffix(".request.md").or_else(|| name.strip_suffix(REQUEST)).and_then(|n| n.parse().ok());
+    let (Some(number), Some(dir)) = (number, question.parent()) else {
+        let expected = "a question of an exchange, e.g. 7.request.md; `evodrive exchange status` lists them";
+        return Err(refused(format!("{}: expected {expected}", question.display())));
+    };
+    let dir = if dir.as_os_str().is_empty() { Path::new(".") } else { dir };
+    let asked = written(dir)?.into_iter().find(|one| one.number == number);
+    let Some(asked) = asked else {
+        let expected = format!("the question {number}{REQUEST} beside it");
+        return Err(refused(format!("{}: expected {expected}; it is not there", question.display())));
+    };
+    if !is_tried(&asked.slot) {
+        return Err(refused(format!(
+            "{}: the question is for {}; gates judge patches, so only drafts of the actor and of the repair are tried",
+            question.display(),
+            asked.slot.role
+        )));
+    }
+    if draft.is_empty() {
+        return Err(refused("the draft is empty: expected a reply as it would be given".into()));
+    }
+    if replied(&dir.join(&asked.reply_file))?.is_some() {
+        return Err(refused(format!("{}: it is answered already, in {}", question.display(), asked.reply_file)));
+    }
+    for nth in 1..=TRIES_MAX {
+        let (path, said) = (dir.join(draft_name(number, nth)), dir.join(said_name(number, nth)));
+        match replied(&path)? {
+            Some(known) if known == draft => return Ok(said),
+            Some(_) => {}
+            None => return store::write_atomic(&path, draft).map(|()| said).map_err(|error| on_disk(&path, &error)),
+        }
+    }
+    Err(refused(format!("{}: {TRIES_MAX} drafts were tried, and no more are; answer it", question.display())))
+}
+
+/// What was said of a draft; nothing while it waits.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn said_of(said: &Path) -> Result<Option<Tried>, ModelError> {
+    let Some(bytes) = replied(said)? else { return Ok(None) };
+    serde_json::from_slice(&bytes).map(Some).map_err(|error| on_disk(said, &error))
+}
+
+/// Whether the answer is a patch, which gates can judge.
+fn is_tried(slot: &DrawSlot) -> bool {
+    ["actor", "repair"].contains(&slot.role.as_str())
+}
+
+/// The drafts of a question that were tried, in their order.
+fn tries(dir: &Path, number: u64) -> Result<Vec<TriedDraft>, ModelError> {
+    let mut tries = Vec::new();
+    for nth in 1..=TRIES_MAX {
+        let Some(bytes) = replied(&dir.join(draft_name(number, nth)))? else { break };
+        let Some(said) = said_of(&dir.join(said_name(number, nth)))? else { break };
+        tries.push(TriedDraft { draft: Digest::of_bytes(&bytes), passes: said.passes });
+    }
+    Ok(tries)
+}
+
+fn draft_name(number: u64, nth: u32) -> String {
+    format!("{number}.try-{nth}.txt")
+}
+
+fn said_name(number: u64, nth: u32) -> String {
+    format!("{number}.try-{nth}.said.json")
 }
 
 /// The questions of a folder, in the order of their numbers.
@@ -207,6 +315,12 @@ fn page(written: &Written) -> String {
          `{reply_file}`.\n",
         slot.role, slot.lineage, slot.epoch, slot.slot, slot.round
     );
+    if is_tried(slot) {
+        page.push_str(&format!(
+            "Before that you may try up to {TRIES_MAX} drafts: `evodrive ask {number}.request.md DRAFT` says whether a draft can be read, passes the \
+             gates and compiles. It says nothing of attack or realism, and how often you tried is recorded.\n"
+        ));
+    }
     for message in messages {
         page.push_str(&format!("\n---- {} ----\n\n{}\n", message.role, message.text.trim_end()));
     }
@@ -353,5 +467,43 @@ mod tests {
         std::fs::write(&path, text.replace("1.reply.txt", "../other.txt")).unwrap();
         let error = status(dir.path()).unwrap_err().to_string();
         assert!(error.contains("its reply beside it"), "{error}");
+    }
+
+    /// Passes what begins with a brace.
+    struct Braces(AtomicUsize);
+
+    impl Trial for Braces {
+        fn tried(&self, draft: &[u8]) -> Tried {
+            self.0.fetch_add(1, Ordering::Relaxed);
+            Tried { passes: draft.starts_with(b"{"), says: "looked at".into() }
+        }
+    }
+
+    #[test]
+    fn so_many_drafts_are_tried_each_once_and_no_question_of_a_critic_is() {
+        let dir = tempfile::tempdir().unwrap();
+        let (exchange, _) = answered(dir.path());
+        let mut critic = request(1);
+        critic.slot.role = "attack_critic".into();
+        for asked in [&request(0), &critic] {
+            exchange.number(asked).unwrap();
+        }
+        let (question, trial) = (dir.path().join("1.request.md"), Braces(AtomicUsize::new(0)));
+        for nth in 1..=TRIES_MAX {
+            let said = try_draft(&question, format!("{{{nth}").as_bytes()).unwrap();
+            assert_eq!(said_of(&said).unwrap(), None, "nobody looked yet");
+            exchange.judge(1, &trial).unwrap();
+            assert!(said_of(&said).unwrap().unwrap().passes);
+        }
+        let known = try_draft(&question, b"{3").unwrap();
+        exchange.judge(1, &trial).unwrap();
+        assert!(said_of(&known).unwrap().is_some());
+        assert_eq!(trial.0.load(Ordering::Relaxed), TRIES_MAX as usize, "a draft is judged once");
+        let refused = |question: &Path| try_draft(question, b"{another").unwrap_err().to_string();
+        assert!(refused(&question).contains("8 drafts were tried"), "{}", refused(&question));
+        let critics = dir.path().join("2.request.md");
+        assert!(refused(&critics).contains("the question is for attack_critic"), "{}", refused(&critics));
+        assert!(!page(&written(dir.path()).unwrap()[1]).contains("evodrive ask"));
+        assert_eq!(tries(dir.path(), 1).unwrap().len(), TRIES_MAX as usize);
     }
 }

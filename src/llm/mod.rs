@@ -20,7 +20,7 @@ pub use cassette::{Cassette, CassetteError, Recorded};
 pub use client::{ClientOptions, IncompleteReplies, SpendCap};
 pub use command::{Command, CommandOptions};
 pub use exchange::Exchange;
-pub use model::{Completion, Metadata, Model, ModelError};
+pub use model::{Completion, Metadata, Model, ModelError, Trial, Tried, TriedDraft};
 pub use record::{Record, RecordMode};
 pub use replay::Replay;
 pub use reply::Refusal;
@@ -47,6 +47,11 @@ pub struct Reply {
 pub trait Ask: Sync {
     /// The answer to a request, or why there is none.
     fn ask(&self, request: &Request) -> Result<Reply, AskError>;
+
+    /// The same of a question whose answer may be tried before it is given. Who cannot try, or answers from a record, just answers.
+    fn ask_with(&self, request: &Request, _trial: &dyn Trial) -> Result<Reply, AskError> {
+        self.ask(request)
+    }
 }
 
 /// Why there is no answer. An unusable reply is not an error but a [`Refusal`] in the attempt.

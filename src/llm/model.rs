@@ -11,6 +11,37 @@ pub trait Model: Sync {
     /// The content of the answer, even if it is useless: the caller judges it. An error means that there was no answer;
     /// then no proposal is used up.
     fn complete(&self, request: &Request) -> Result<Completion, ModelError>;
+
+    /// The same of a question whose answer may be tried before it is given; who cannot try just answers.
+    fn complete_with(&self, request: &Request, _trial: &dyn Trial) -> Result<Completion, ModelError> {
+        self.complete(request)
+    }
+}
+
+/// Judges a draft before it is an answer: it is read, gates and compiler look at it. No label of it is told.
+pub trait Trial {
+    /// What they say of a draft.
+    fn tried(&self, draft: &[u8]) -> Tried;
+}
+
+/// What reader, gates and compiler say of a draft.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tried {
+    /// Whether an answer like it would pass.
+    pub passes: bool,
+    /// What they say: JSON as critics and repair are told it, or why it cannot be read.
+    pub says: String,
+}
+
+/// A draft that was tried before the answer was given.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TriedDraft {
+    /// Digest of its bytes.
+    pub draft: Digest,
+    /// Whether it would have passed.
+    pub passes: bool,
 }
 
 /// An answer as its model gave it.
@@ -52,6 +83,9 @@ pub struct Metadata {
     /// `system_fingerprint`: the provider's set-up; a seed holds for one of them only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fingerprint: Option<String>,
+    /// Drafts that were tried before, in their order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tries: Vec<TriedDraft>,
 }
 
 /// A token of our prompts has 3.4 bytes; a server that counts one for more than this has read only a part of them.

@@ -1,6 +1,7 @@
 //! Models behind files and programs, with the binary as a user starts it.
 
-use evodrive::llm::Cassette;
+use evodrive::llm::{Cassette, Model, ModelSpec, Request, Schema};
+use evodrive::scripted::Scripted;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -231,6 +232,129 @@ fn pipes_and_links_in_the_folder_of_questions_are_named_and_not_waited_for_or_fo
     let there: Vec<_> = std::fs::read_dir(&outside).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert_eq!(there, ["secret"], "nothing was written outside");
     assert_eq!(std::fs::read(outside.join("secret")).unwrap(), b"of somebody");
+}
+
+/// A recording that waits for replies: it ends with its test, also with one that fails.
+struct Waiting(std::process::Child);
+
+impl Drop for Waiting {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// What the stand-in would answer to a question that lies in a folder.
+fn stand_in(question: &Path, seed: u32) -> Vec<u8> {
+    let text = std::fs::read_to_string(question.with_extension("json")).unwrap();
+    let asked: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let rates =
+        ["malformed_json_rate", "out_of_range_rate", "foreign_mechanism_rate", "stale_hash_rate", "oversight_rate"];
+    let model = ModelSpec {
+        name: "scripted".into(),
+        kind: "scripted".into(),
+        model: "rules-1".into(),
+        sampling: rates
+            .iter()
+            .map(|rate| (rate.to_string(), 0.0))
+            .chain([("seed".to_string(), f64::from(seed))])
+            .collect(),
+        response_format: None,
+        body: Default::default(),
+        here: Default::default(),
+    };
+    let (slot, messages) = (&asked["slot"], &asked["messages"]);
+    let request = Request {
+        adapter_version: 1,
+        slot: serde_json::from_value(slot.clone()).unwrap(),
+        model,
+        messages: serde_json::from_value(messages.clone()).unwrap(),
+        schema: Schema::new(asked["schema"].clone()).unwrap(),
+    };
+    Scripted.complete(&request).unwrap().bytes
+}
+
+#[test]
+fn a_draft_is_tried_before_it_is_the_answer_and_the_answer_keeps_each_try() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = small(dir.path(), "tries", &format!("[roles]\nactor = \"me\"\n[models.me]\n{EXCHANGE}"));
+    let (runs, cassette) = (dir.path().join("runs"), dir.path().join("mine.jsonl"));
+    let mut waiting = Waiting(record(dir.path(), &path, "2").stderr(std::process::Stdio::null()).spawn().unwrap());
+    let questions = (0..1200).find_map(|_| {
+        std::thread::sleep(Duration::from_millis(100));
+        Some(open(&runs)).filter(|open| open.len() == 3)
+    });
+    let questions = questions.expect("three slots ask at once");
+    let question = |reply: &Path| {
+        let number = reply.file_name().unwrap().to_string_lossy().replace(".reply.txt", "");
+        reply.with_file_name(format!("{number}.request.md"))
+    };
+    let draft = dir.path().join("draft.json");
+    let tried = |question: &Path, text: &[u8]| {
+        std::fs::write(&draft, text).unwrap();
+        run(&["ask", question.to_str().unwrap(), draft.to_str().unwrap(), "--json"])
+    };
+    let first = question(&questions[0].1);
+    assert!(
+        std::fs::read_to_string(&first).unwrap().contains("evodrive ask"),
+        "the question says that it can be tried"
+    );
+    let any = stand_in(&first, 1);
+    let says = |ran: &Ran| -> serde_json::Value { serde_json::from_str(&ran.stdout).unwrap() };
+    let unreadable = tried(&first, b"I do not know.");
+    assert!(
+        unreadable.code == 1 && unreadable.stdout.contains("cannot be read"),
+        "{}{}",
+        unreadable.stdout,
+        unreadable.stderr
+    );
+    // The same patch of a program that is not its parent: another gate than the reader.
+    let mut patch: serde_json::Value = serde_json::from_slice(&any).unwrap();
+    patch["program_patch"]["parent_program_hash"] = "0".repeat(64).into();
+    let stale = tried(&first, patch.to_string().as_bytes());
+    assert!(stale.code == 1 && says(&stale)["says"]["gates"]["parent"].is_array(), "{}{}", stale.stdout, stale.stderr);
+    // Some of the stand-in's patches do nothing in the one scene that they are tried on.
+    let (mut expected, mut passing) = (vec![false, false], None);
+    for draft in (1..=5).map(|seed| stand_in(&first, seed)) {
+        let ran = tried(&first, &draft);
+        expected.push(ran.code == 0);
+        if ran.code == 0 {
+            passing = Some((draft, ran));
+            break;
+        }
+        assert!(ran.code == 1 && says(&ran)["says"]["gates"].is_object(), "{}{}", ran.stdout, ran.stderr);
+    }
+    let (good, passes) = passing.expect("one of five patches does something");
+    let verdict = says(&passes);
+    assert!(verdict["passes"] == true, "{}{}", passes.stdout, passes.stderr);
+    let compiled = &verdict["says"]["probe_scenes"];
+    assert!(compiled["compiled"].as_u64() > Some(0) && !passes.stdout.contains("attack"), "{verdict}");
+    // The same draft again is no other try.
+    assert_eq!(says(&tried(&first, &good)), verdict);
+    for refused in [tried(dir.path(), &good), tried(&first.with_file_name("99.request.md"), &good), tried(&first, b"")]
+    {
+        assert!(refused.code == 2 && refused.stderr.contains("expected"), "{}", refused.stderr);
+    }
+    for (_, reply) in &questions {
+        let answer = stand_in(&question(reply), 1);
+        std::fs::write(reply.with_extension("part"), answer).unwrap();
+        std::fs::rename(reply.with_extension("part"), reply).unwrap();
+    }
+    let answered = tried(&first, b"too late");
+    assert!(answered.code == 2 && answered.stderr.contains("answered already"), "{}", answered.stderr);
+    while waiting.0.try_wait().unwrap().is_none() {
+        answer(&open(&runs));
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    assert!(waiting.0.wait().unwrap().success());
+    let recorded = Cassette::load(&cassette).unwrap();
+    let tries = |of: &evodrive::llm::Recorded| of.metadata.as_ref().map(|of| of.tries.clone()).unwrap_or_default();
+    let of_first = recorded.exchanges().iter().map(tries).filter(|tries| !tries.is_empty()).collect::<Vec<_>>();
+    assert_eq!(of_first.len(), 1, "one question was tried: {of_first:?}");
+    assert_eq!(of_first[0].iter().map(|of| of.passes).collect::<Vec<_>>(), expected);
+    assert_eq!(of_first[0].last().unwrap().draft, evodrive::kernel::Digest::of_bytes(&good));
+    let folder = folder_below(&runs);
+    assert_eq!(run(&["check", folder.to_str().unwrap()]).code, 0, "a replay needs no try");
 }
 
 #[test]

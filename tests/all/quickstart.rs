@@ -329,6 +329,7 @@ fn help_texts_are_goldens() {
         "train",
         "downstream",
         "egos",
+        "ask",
     ] {
         text += &format!("\n---- evodrive {command} --help\n{}", run(&[command, "--help"]).stdout);
     }

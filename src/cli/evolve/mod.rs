@@ -1,5 +1,6 @@
 //! Commands that make a run: from the first experiment file to the recording.
 
+pub mod ask;
 pub mod behind;
 pub mod cost;
 pub mod exchange;

@@ -12,6 +12,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("verify", "evodrive verify --jobs 4"),
     ("record", "evodrive record experiments/quickstart.toml --cassette mine.jsonl --set budget.slots=8"),
     ("exchange status", "evodrive exchange status"),
+    ("ask", "evodrive ask runs/mine-1/exchange/agent/7.request.md draft.json"),
     ("scenes import", "evodrive scenes import my_scenarios/ --out my.pool"),
     ("scenes generate", "evodrive scenes generate experiments/quickstart.toml --out my.pool"),
     ("scenes list", "evodrive scenes list my.pool --tag junction"),

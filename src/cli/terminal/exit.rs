@@ -6,7 +6,7 @@ use std::process::ExitCode;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
     Success = 0,
-    /// A suite was driven, and a threshold does not hold, or a planner gave no drive.
+    /// A suite was driven, and a threshold does not hold, or a planner gave no drive; a draft would not pass.
     Broken = 1,
     /// A file, argument or experiment that cannot be used as it is, or a place that cannot be written to (a full disk).
     BadInput = 2,

@@ -6,7 +6,7 @@ use crate::evidence::aligned::{LongWord, broken};
 
 /// Each group's title and its commands, in the order in which one comes to need them.
 pub const GROUPS: &[(&str, &[&str])] = &[
-    ("Evolve", &["init", "plan", "record", "exchange", "run", "resume", "watch", "check", "verify"]),
+    ("Evolve", &["init", "plan", "record", "exchange", "ask", "run", "resume", "watch", "check", "verify"]),
     (
         "Look at a run",
         &["report", "show", "lineage", "table", "figure", "why", "credit", "impact", "compare", "diff", "world"],

@@ -71,6 +71,7 @@ pub fn read(answer: &Value) -> Result<Said, String> {
         cache_write_tokens: written,
         output_tokens: usage("output_tokens"),
         fingerprint: None,
+        tries: Vec::new(),
     };
     Ok(Said { text: text.into_bytes(), end, metadata })
 }

@@ -68,6 +68,7 @@ fn metadata(answer: &Value, finish_reason: Option<String>) -> Metadata {
         cache_write_tokens: None,
         output_tokens: count_at(answer, "/usage/completion_tokens"),
         fingerprint: text_at(answer, "/system_fingerprint"),
+        tries: Vec::new(),
     }
 }
 

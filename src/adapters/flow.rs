@@ -155,19 +155,17 @@ fn question(slot: Slot) -> &'static str {
 }
 
 fn overridden(rule: &PolicyRule) -> String {
-    let names: BTreeSet<String> = rule
-        .parameters
-        .keys()
-        .chain(rule.operators.values().flat_map(BTreeMap::keys))
-        .map(|name| in_words(name))
-        .collect();
-    let names: Vec<String> = names.into_iter().collect();
-    format!(
-        "In some scenes (“{}”: {}) otherwise: {}",
-        in_words(&rule.name),
-        in_words(&canonical_text(&rule.when)),
-        names.join(", ")
-    )
+    let set = |name: &String, value: String| format!("{} {value}", in_words(name));
+    let parameters = rule.parameters.iter().map(|(name, value)| set(name, value.in_words()));
+    let settings = rule.operators.values().flatten().map(|(name, value)| match value {
+        Setting::Number(number) => set(name, number.to_string()),
+        Setting::Choice(word) => set(name, in_words(word)),
+        Setting::Parameter(of) => set(name, format!("as {}", in_words(&of.parameter))),
+        Setting::Mechanism(of) => set(name, format!("“{}”", in_words(&of.mechanism))),
+    });
+    let sets: Vec<String> = parameters.chain(settings).collect();
+    let when = in_words(&canonical_text(&rule.when));
+    format!("Where the rule “{}” holds ({when}): {}", in_words(&rule.name), sets.join(", "))
 }
 
 /// Without its full stop.
@@ -195,7 +193,7 @@ mod tests {
         let place = |text: &str| same.iter().position(|line| line.starts_with(text)).unwrap();
         assert!(place("Where: does every_scene") < place("Who: "), "{same:#?}");
         assert!(place("Who: ") < place("When: ") && place("When: ") < place("Which motions: "), "{same:#?}");
-        assert!(same.last().unwrap().starts_with("In some scenes (“"), "{same:#?}");
+        assert!(same.last().unwrap().starts_with("Where the rule “"), "{same:#?}");
         let mut after = before.clone();
         after.operator_graph.get_mut("actor").unwrap().settings.insert("score".into(), Setting::Number(2.0));
         let new: Vec<String> = lines(&before, &after).into_iter().filter(|line| line.contains("+ ")).collect();
@@ -208,7 +206,7 @@ mod tests {
         let expected = ["+ Who: does ranked_actors (score “pressure”)", "+ When: does window (duration s 2, was 5)"];
         assert_eq!(new, expected);
         after.scenario_conditioned_policy.clear();
-        assert!(!lines(&before, &after).iter().any(|line| line.contains("In some scenes")));
+        assert!(!lines(&before, &after).iter().any(|line| line.contains("Where the rule")));
     }
 
     #[test]

@@ -131,6 +131,22 @@ fn the_first_screen_says_what_a_reader_should_weigh() {
 }
 
 #[test]
+fn what_happens_in_the_scenes_gained_is_said_of_those_that_were_gained() {
+    let report = std::fs::read_to_string(finished().1.join("report.html")).unwrap();
+    let line = first_screen(&report).split("<li class=").find(|line| line.contains("adv_bmt-idm")).expect("a line");
+    let number = |before: &str, after: &str| -> usize {
+        let ends =
+            line.match_indices(after).find_map(|(at, _)| line[..at].rsplit_once(before)).map(|(_, number)| number);
+        ends.and_then(|number| number.trim().parse().ok()).unwrap_or_else(|| panic!("{before} … {after}: {line}"))
+    };
+    let gained = number("%: ", " scenes gained");
+    assert_eq!(number("In the ", " scenes gained the ego m"), gained, "{line}");
+    assert!(line.contains(" s before the contact (medians)."), "{line}");
+    // Without rollouts nobody knows.
+    assert!(!first_screen(&page(&quickstart(), &Stage::default())).contains(" scenes gained the ego "));
+}
+
+#[test]
 fn searches_of_one_lineage_are_one_line_with_their_range_and_how_many_fall_short() {
     let mut run = quickstart();
     let lineages = &mut run.result.as_mut().unwrap().lineages;

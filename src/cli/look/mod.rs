@@ -10,6 +10,7 @@ pub mod figure;
 pub mod impact;
 pub mod kept_credit;
 pub mod lineage;
+mod manoeuvres;
 pub mod others;
 pub mod page;
 pub mod playables;

@@ -2,11 +2,11 @@
 
 use crate::backend::Backend;
 use crate::cli::evolve::cost;
-use crate::cli::look::{kept_credit, playables, program_words};
+use crate::cli::look::{kept_credit, manoeuvres, playables, program_words};
 use crate::cli::records::folder::RunFolder;
 use crate::cli::terminal::exit::Failure;
 use crate::epoch::{Player, Study};
-use crate::evidence::report::{self, Beside, Other};
+use crate::evidence::report::{self, Beside, Other, Stage};
 use crate::evidence::{RecordedRun, agreement};
 use crate::kernel::Threads;
 use crate::store;
@@ -29,7 +29,9 @@ pub fn write(
     asked: Asked<'_>,
     threads: &Threads,
 ) -> Result<(), Failure> {
-    let playables = playables::choose(&Player::of(study, &run.counsels, backend), run, threads);
+    let player = Player::of(study, &run.counsels, backend);
+    let gained = manoeuvres::of(&player, run, threads);
+    let playables = Stage { gained, ..playables::choose(&player, run, threads) };
     let cost = cost::kept(folder)?;
     let credits = kept_credit::kept(folder, run)?;
     let words = program_words::of(study, run);

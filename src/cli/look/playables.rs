@@ -86,22 +86,49 @@ fn programs(run: &RecordedRun, spec: &LineageSpec) -> Vec<(SolutionId, String)> 
     chosen
 }
 
-/// Held-out scenes, at first those in which only the chosen program attacks, the most realistic first; then those in which both or only
-/// the parent do, then the others.
+/// What became of a scene under the parent and under the chosen program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Became {
+    Gained,
+    Lost,
+    Both,
+    Neither,
+}
+
+/// In which order the outcomes take their turns: a reader sees first what was gained, and of each of the others some.
+const TURNS: [Became; 6] =
+    [Became::Gained, Became::Lost, Became::Gained, Became::Both, Became::Gained, Became::Neither];
+
+/// Held-out scenes of every outcome that there is, of each outcome the most realistic ones first.
 fn scenes(study: &Study, run: &RecordedRun, spec: &LineageSpec, most: usize) -> Vec<usize> {
     let Some(result) = run.result_of(&spec.id) else { return Vec::new() };
     let before = run.held_out_labels(&result.parent.solution);
     let after = run.held_out_labels(&result.evolved.solution);
-    let rank = |place: &usize| {
-        let id = study.scenes[*place].scene().id.as_str();
-        let label =
-            |labels: &BTreeMap<&str, &SceneScore>| labels.get(id).map_or((0.0, 0.0), |of| (of.attack, of.realism));
-        let ((was, _), (is, realism)) = (label(&before), label(&after));
-        4.0 * (is - was).max(0.0) + 2.0 * was.max(is) + realism
-    };
-    let known = |place: &&usize| after.contains_key(study.scenes[**place].scene().id.as_str());
-    let mut places: Vec<usize> = study.held_out.iter().filter(known).copied().collect();
-    places.sort_by(|a, b| rank(b).total_cmp(&rank(a)).then(a.cmp(b)));
+    let mut left: BTreeMap<Became, Vec<(f64, usize)>> = BTreeMap::new();
+    for place in study.held_out.iter().copied() {
+        let id = study.scenes[place].scene().id.as_str();
+        let Some(is) = after.get(id) else { continue };
+        let attacks = |label: &SceneScore| label.attack > 0.0;
+        let became = match (before.get(id).is_some_and(|was| attacks(was)), attacks(is)) {
+            (false, true) => Became::Gained,
+            (true, false) => Became::Lost,
+            (true, true) => Became::Both,
+            (false, false) => Became::Neither,
+        };
+        left.entry(became).or_default().push((is.realism, place));
+    }
+    left.values_mut().for_each(|of| of.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))));
+    in_turns(left, most)
+}
+
+/// The last of each outcome by turns, until there are enough or none is left.
+fn in_turns(mut left: BTreeMap<Became, Vec<(f64, usize)>>, most: usize) -> Vec<usize> {
+    let mut places = Vec::new();
+    while places.len() < most && left.values().any(|of| !of.is_empty()) {
+        for turn in TURNS {
+            places.extend(left.get_mut(&turn).and_then(Vec::pop).map(|(_, place)| place));
+        }
+    }
     places.truncate(most);
     places
 }
@@ -254,7 +281,7 @@ fn drawn(scene: &Scene, actor: &ActorTrace, role: Role, from_step: usize) -> Act
 }
 
 /// A road user that a program brings in, by the body that it has (`stage` gives a cyclist and a pedestrian theirs).
-fn inserted(actor: &ActorTrace) -> String {
+pub fn inserted(actor: &ActorTrace) -> String {
     let what = match (actor.length_m, actor.width_m) {
         (length_m, _) if length_m < 1.2 => "pedestrian",
         (_, width_m) if width_m < 1.2 => "cyclist",
@@ -289,6 +316,17 @@ mod tests {
     use super::*;
     use crate::backend::Backend;
     use crate::cli::evolve::first_epoch::carried_out;
+
+    #[test]
+    fn every_outcome_is_played_and_what_was_gained_first() {
+        let of = |from: usize, count: usize| (from..from + count).rev().map(|place| (0.0, place)).collect::<Vec<_>>();
+        let left =
+            BTreeMap::from([(Became::Gained, of(0, 9)), (Became::Lost, of(20, 1)), (Became::Neither, of(40, 9))]);
+        assert_eq!(in_turns(left.clone(), 3), [0, 20, 1]);
+        assert_eq!(in_turns(left.clone(), 8), [0, 20, 1, 2, 40, 3, 4, 5]);
+        assert_eq!(in_turns(left, 100).len(), 19);
+        assert!(in_turns(BTreeMap::new(), 3).is_empty());
+    }
 
     #[test]
     fn a_rollout_that_is_not_the_recorded_one_is_not_called_so() {

@@ -120,6 +120,9 @@ fn correlation(sheet: &mut Figure, runs: &[&RecordedRun], asked: &[Epoch]) {
         let y = axes.y(pooled);
         sheet.line((axes.place[0], y), (axes.place[0] + axes.place[2], y), Ink::line(BLUE, 0.8).dashed());
         let text = format!("all epochs: {pooled:.2}");
-        sheet.text((axes.place[0] + axes.place[2], y - 2.5), LETTERS - 1.0, Anchor::End, text);
+        // Above its line, or below it where the line of zero would run through the letters.
+        let struck = (y - LETTERS - 3.5..y - 1.0).contains(&axes.y(0.0));
+        let base = if struck { y + LETTERS } else { y - 2.5 };
+        sheet.text((axes.place[0] + axes.place[2], base), LETTERS - 1.0, Anchor::End, text);
     }
 }

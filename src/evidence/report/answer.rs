@@ -5,10 +5,12 @@ use std::fmt::Write as _;
 
 use super::super::recorded_run::RecordedRun;
 use super::headline::{Headline, Verdict};
+use super::manoeuvre::Gained;
 use super::stage::Stage;
 use super::trust::{self, Standing};
 use crate::draw::escaped;
 use crate::kernel::num;
+use crate::objects::realism_name;
 use crate::text::counted;
 
 /// Name and what the page is about.
@@ -46,7 +48,9 @@ pub fn html(run: &RecordedRun, headlines: &[Headline], stage: &Stage, realism_mi
         out.push_str(&caution(headlines));
         let _ = writeln!(out, "<p class=\"note\">{}</p>", legend(headlines));
         out.push_str("<ul class=\"answers\">\n");
-        headlines.iter().for_each(|headline| row(&mut out, headline, &short_of_rule(run, headline, realism_min)));
+        for headline in headlines {
+            row(&mut out, headline, &gains_by(run, headline, stage), &short_of_rule(run, headline, realism_min));
+        }
         let _ = writeln!(out, "</ul>\n<p class=\"note\">{}</p>", escaped(&measures(run, headlines)));
     }
     out.push_str("</section>\n");
@@ -72,10 +76,16 @@ fn badges(run: &RecordedRun, stage: &Stage) -> String {
     out
 }
 
+/// What happens in the scenes that the shown program gains; empty where nobody looked.
+fn gains_by(run: &RecordedRun, of: &Headline, stage: &Stage) -> String {
+    let gained = run.result_of(&of.lineage).and_then(|result| stage.gained.get(&result.evolved.solution));
+    gained.map(Gained::says).unwrap_or_default()
+}
+
 /// How many chosen programs fall short on the held-out scenes of the realism that the rule asks for; empty where none does.
 fn short_of_rule(run: &RecordedRun, of: &Headline, realism_min: f64) -> String {
     let results = || run.result.iter().flat_map(|result| &result.lineages).filter(|one| one.group == of.group);
-    let realism = if of.verdict == Verdict::Plain { "ARS" } else { "strict realism" };
+    let realism = realism_name(!run.rounds.is_empty());
     let short: Vec<f64> =
         results().map(|one| one.evolved.objectives.realism).filter(|realism| *realism < realism_min).collect();
     let shown = results().any(|one| one.lineage == of.lineage && one.evolved.objectives.realism < realism_min);
@@ -142,11 +152,12 @@ fn caution(headlines: &[Headline]) -> String {
 fn measures(run: &RecordedRun, headlines: &[Headline]) -> String {
     let subject = if headlines.len() > 1 { "Each line has" } else { "The line has" };
     let setting = &run.declared.setting;
-    if headlines.iter().any(|of| of.verdict == Verdict::Plain) {
+    if !run.rounds.is_empty() {
         return format!(
-            "{subject} the chosen program less the published one that it began with. Attack: collision rate times lost overall score, \
-             CR (1 − OS); realism: ARS. Both are SafeBench's scores of a whole set of runs, so a line has no interval; the tables of the run \
-             resample scenes."
+            "{subject} the chosen program less the published one that it began with, on routes that the search never saw; in brackets 95 % \
+             intervals over groups of routes{}, which are few, so they are wide. Attack: collision rate times lost overall score, CR (1 − OS); \
+             ARS: SafeBench's realism score. Both are scores of whole sets of runs.",
+            if headlines.iter().any(|of| of.searches > 1) { " and searches" } else { "" }
         );
     }
     let counts = match setting.reading.as_str() {
@@ -173,7 +184,7 @@ fn measures(run: &RecordedRun, headlines: &[Headline]) -> String {
     )
 }
 
-fn row(out: &mut String, of: &Headline, short: &str) {
+fn row(out: &mut String, of: &Headline, gains_by: &str, short: &str) {
     let (class, mark, _) = sign(of.verdict);
     let mechanism = escaped(&of.mechanism);
     let mut more = Vec::new();
@@ -181,6 +192,9 @@ fn row(out: &mut String, of: &Headline, short: &str) {
         if of.searches > 1 { format!("The best of them here, {},", escaped(of.lineage.as_str())) } else { "It".into() };
     if !of.shares.is_empty() {
         more.push(format!("{who} {}.", escaped(&of.shares)));
+    }
+    if !gains_by.is_empty() {
+        more.push(format!("{}.", escaped(gains_by)));
     }
     match of.verdict {
         Verdict::Parent => {}

@@ -35,6 +35,8 @@ pub struct Words {
     pub changes: BTreeMap<SolutionId, Vec<String>>,
     /// Of each chosen program what it does with a scene, step by step.
     pub flows: BTreeMap<SolutionId, Vec<FlowStep>>,
+    /// Of each chosen program in how many held-out scenes each of its rules holds, in their order; and how many there are.
+    pub rules_hold: BTreeMap<SolutionId, (Vec<usize>, usize)>,
     /// What the names in expressions mean, with their units.
     pub meanings: BTreeMap<String, String>,
 }

@@ -8,6 +8,7 @@ use super::super::recorded_run::RecordedRun;
 use super::super::tables::compared;
 use super::beside::Beside;
 use super::headline::Headline;
+use super::manoeuvre::Gained;
 use super::stage::Stage;
 use super::terms::terms;
 use super::{credit, growth, mechanism, pairs, spread, trust};
@@ -37,7 +38,7 @@ const ROLES: [Role; 7] = [
 /// Everything but the player's scenes.
 pub fn of(run: &RecordedRun, headlines: &[Headline], stage: &Stage, beside: &Beside<'_>) -> Value {
     let names = Names::of(run);
-    let lineages: Vec<Value> = run.parents.iter().map(|p| lineage(run, &p.lineage, &names, beside)).collect();
+    let lineages: Vec<Value> = run.parents.iter().map(|p| lineage(run, &p.lineage, &names, stage, beside)).collect();
     let mut page = json!({
         "name": run.opened.name,
         "root": run.root,
@@ -95,7 +96,7 @@ fn programs(run: &RecordedRun, headlines: &[Headline]) -> BTreeMap<String, Strin
     own.filter_map(|of| Some((of.solution.to_string(), program_text(run.program(&of.solution)?)))).collect()
 }
 
-fn lineage(run: &RecordedRun, id: &LineageId, names: &Names, beside: &Beside<'_>) -> Value {
+fn lineage(run: &RecordedRun, id: &LineageId, names: &Names, stage: &Stage, beside: &Beside<'_>) -> Value {
     let parent = run.parents.iter().find(|p| p.lineage == *id);
     let result = run.result_of(id);
     let frozen = || run.frozen.iter().filter(|f| f.lineage == *id);
@@ -145,6 +146,8 @@ fn lineage(run: &RecordedRun, id: &LineageId, names: &Names, beside: &Beside<'_>
         object["group"] = json!(result.group);
         object["pairs"] = pairs::of(run, result, &names.scenes, &names.classes).into();
         object["mechanism"] = json!(mechanism::of(run, result, beside.words));
+        let gained = stage.gained.get(&result.evolved.solution).map(Gained::says).filter(|says| !says.is_empty());
+        object["gains_by"] = json!(gained);
     }
     // SafeBench's scores are of whole sets of runs: the tables of that protocol have their intervals.
     if let Some(result) = result.filter(|_| run.rounds.is_empty()) {

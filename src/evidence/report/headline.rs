@@ -5,10 +5,10 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use super::super::recorded_run::RecordedRun;
-use super::super::tables::{Compared, Estimate, called, compared, is_ram, pooled};
+use super::super::tables::{Compared, Estimate, called, compared, held_out_change, is_ram, pooled};
 use super::mechanism;
 use crate::kernel::num;
-use crate::objects::{LineageId, Met, SolutionId, event::LineageResult};
+use crate::objects::{LineageId, Met, SolutionId, event::LineageResult, realism_name};
 use crate::text::counted;
 
 /// What came of a lineage of the experiment, all its repetitions together.
@@ -59,7 +59,7 @@ pub enum Verdict {
     Loss,
     /// The parent stays.
     Parent,
-    /// Two numbers without an interval: SafeBench's scores are of whole sets of runs.
+    /// Two numbers without an interval.
     Plain,
 }
 
@@ -115,20 +115,23 @@ fn headline(run: &RecordedRun, group: &LineageId, of: &[&LineageResult]) -> Opti
     };
     let difference = |name: &str| quantities.iter().find(|row| row.quantity == name).map(|row| row.difference);
     let (mut attack, mut realism) = (difference("attack"), difference("realism"));
-    if quantities.is_empty() {
+    let staged = !run.rounds.is_empty();
+    if let Some([of_attack, of_ars]) = staged.then(|| held_out_change(run, of)).flatten() {
+        (attack, realism) = (Some(of_attack), Some(of_ars));
+    } else if quantities.is_empty() {
         let mean =
             |of_one: &dyn Fn(&LineageResult) -> f64| num::mean(&of.iter().map(|one| of_one(one)).collect::<Vec<_>>());
         attack = mean(&gain_of).map(Estimate::plain);
         realism = mean(&|one| one.evolved.objectives.realism - one.parent.objectives.realism).map(Estimate::plain);
     }
     let verdict = if evolved == 0 { Verdict::Parent } else { verdict(attack, realism) };
+    let says = says(verdict, attack, realism, realism_word(run));
     let says = match of.len() {
-        1 => says(verdict, attack, realism),
+        1 => says,
         n => format!(
-            "{}, mean of {} ({}{})",
-            says(verdict, attack, realism),
+            "{says}, mean of {} ({}{})",
             counted(n, "search"),
-            singly(of, verdict),
+            singly(of),
             match n - evolved {
                 0 => String::new(),
                 kept => format!("; {kept} keep the parent"),
@@ -154,9 +157,9 @@ fn headline(run: &RecordedRun, group: &LineageId, of: &[&LineageResult]) -> Opti
     })
 }
 
-/// Which way an interval lies; 0 where it holds no difference, or where there is none.
+/// Which way an interval lies, as it is printed; 0 where it holds no difference, or where there is none.
 fn side(of: Option<Estimate>) -> i8 {
-    match of.and_then(|of| of.interval) {
+    match of.and_then(|of| of.interval).map(|ends| ends.map(|end| num::rounded(end, 3))) {
         Some([low, _]) if low > 0.0 => 1,
         Some([_, high]) if high < 0.0 => -1,
         _ => 0,
@@ -176,28 +179,32 @@ fn verdict(attack: Option<Estimate>, realism: Option<Estimate>) -> Verdict {
     }
 }
 
-fn says(verdict: Verdict, attack: Option<Estimate>, realism: Option<Estimate>) -> String {
+/// Which realism a line compares.
+fn realism_word(run: &RecordedRun) -> &'static str {
+    if run.rounds.is_empty() { "realism" } else { realism_name(true) }
+}
+
+fn says(verdict: Verdict, attack: Option<Estimate>, realism: Option<Estimate>, word: &str) -> String {
     let of = |name: &str, estimate: Option<Estimate>| estimate.map(|of| format!("{name} {}", signed(of)));
     let (attacks, realisms) = (
         of("attack", attack).unwrap_or_default(),
-        of("realism", realism).unwrap_or_else(|| "no realism to compare".into()),
+        of(word, realism).unwrap_or_else(|| format!("no {word} to compare")),
     );
     match (verdict, side(attack), side(realism)) {
         (Verdict::Parent, ..) => "no gain; the parent stays, because no descendant is better by the rule".into(),
         (Verdict::Unsure, ..) => format!("no gain that these scenes tell from none: {attacks}, {realisms}"),
-        // SafeBench's own scores.
         (Verdict::Plain, ..) => {
-            [of("attack", attack), of("ARS", realism)].into_iter().flatten().collect::<Vec<_>>().join(", ")
+            [of("attack", attack), of(word, realism)].into_iter().flatten().collect::<Vec<_>>().join(", ")
         }
         (Verdict::Gain, 1, 0) => {
-            format!("{attacks}; realism not told from equal ({})", realism.map_or("none".into(), signed))
+            format!("{attacks}; {word} not told from equal ({})", realism.map_or("none".into(), signed))
         }
         (Verdict::Gain, 0, _) => {
             format!("{realisms}; attack not told from equal ({})", attack.map_or("none".into(), signed))
         }
         (Verdict::Gain, ..) => format!("{attacks} and {realisms}"),
-        (Verdict::Trade, ..) => format!("{attacks} for {realisms}"),
-        (Verdict::Concession, ..) => format!("{realisms} for {attacks}"),
+        (Verdict::Trade, ..) => format!("{attacks} at the price of {realisms}"),
+        (Verdict::Concession, ..) => format!("{realisms} at the price of {attacks}"),
         (Verdict::Loss, ..) => format!("worse than its parent: {attacks}, {realisms}"),
     }
 }
@@ -211,20 +218,19 @@ fn signed(of: Estimate) -> String {
 }
 
 /// The least and the greatest gain of attack of the single searches.
-fn singly(of: &[&LineageResult], verdict: Verdict) -> String {
+fn singly(of: &[&LineageResult]) -> String {
     let gains: Vec<f64> = of.iter().map(|one| gain_of(one)).collect();
     let number = |value: f64| num::signed(value, 3).replace('-', "−");
     let (least, most) =
         (gains.iter().copied().fold(f64::MAX, f64::min), gains.iter().copied().fold(f64::MIN, f64::max));
-    let what = if verdict == Verdict::Plain { "attack of single ones" } else { "single ones: attack" };
-    format!("{what} {} to {}", number(least), number(most))
+    format!("single ones: attack {} to {}", number(least), number(most))
 }
 
 /// The share of scenes with an attack before and after, and the scenes in which only one of both attacks, where one program speaks for
 /// itself.
 fn shares(run: &RecordedRun, of: &LineageResult, verdict: Verdict) -> String {
     let percent = |attack: f64| num::fixed(100.0 * attack, 1);
-    if verdict == Verdict::Plain {
+    if !run.rounds.is_empty() && verdict != Verdict::Parent {
         let score = |attack: f64| num::fixed(attack, 3);
         let [is, was] = [&of.evolved, &of.parent].map(|of| score(of.objectives.attack));
         return format!("comes to attack {is}, its parent to {was}");
@@ -234,12 +240,23 @@ fn shares(run: &RecordedRun, of: &LineageResult, verdict: Verdict) -> String {
     }
     let (is, was) = (percent(of.evolved.objectives.attack), percent(of.parent.objectives.attack));
     let [gained, lost] = moved(run, of);
-    format!("attacks in {is} % of the scenes, its parent in {was} %: {} gained, {lost} lost", counted(gained, "scene"))
+    let gained = counted(gained, "scene");
+    format!("attacks in {is} % of the scenes, its parent in {was} %: {gained} gained, {lost} lost{}", acts(of))
+}
+
+/// In what share of the scenes both act, where that differs much: realism is over these.
+fn acts(of: &LineageResult) -> String {
+    let (is, was) = (of.evolved.coverage, of.parent.coverage);
+    let percent = |share: f64| num::fixed(100.0 * share, 0);
+    match (is - was).abs() >= 0.05 {
+        true => format!("; it acts in {} % of them, its parent in {} %", percent(is), percent(was)),
+        false => String::new(),
+    }
 }
 
 /// Where one program has no share of scenes of its own: the parent stays, or attack is a score.
 fn says_nothing(run: &RecordedRun, verdict: Verdict) -> bool {
-    matches!(verdict, Verdict::Parent | Verdict::Plain) || run.opened.attack.is_some()
+    matches!(verdict, Verdict::Parent | Verdict::Plain) || !run.rounds.is_empty() || run.opened.attack.is_some()
 }
 
 /// Scenes in which only the evolved program attacks, and in which only its parent does.
@@ -254,7 +271,7 @@ fn moved(run: &RecordedRun, of: &LineageResult) -> [usize; 2] {
 fn contacts_say(run: &RecordedRun, of: &LineageResult, verdict: Verdict) -> (String, bool) {
     let percent = |[part, all]: [usize; 2]| num::fixed(100.0 * part as f64 / all as f64, 0);
     let is = avoidable(run, &of.evolved.solution);
-    if says_nothing(run, verdict) || is[1] == 0 {
+    if verdict == Verdict::Parent || run.opened.attack.is_some() || is[1] == 0 {
         return (String::new(), false);
     }
     let weigh = 2 * is[0] < is[1];
@@ -304,7 +321,7 @@ mod tests {
 
     fn sentence(attack: Option<Estimate>, realism: Option<Estimate>) -> (Verdict, String) {
         let verdict = verdict(attack, realism);
-        (verdict, says(verdict, attack, realism))
+        (verdict, says(verdict, attack, realism, "realism"))
     }
 
     #[test]
@@ -315,12 +332,30 @@ mod tests {
         assert_eq!(verdict, Verdict::Gain);
         assert_eq!(text, "attack +0.080 [+0.040, +0.120]; realism not told from equal (+0.001 [−0.020, +0.030])");
         assert_eq!(sentence(up, down).0, Verdict::Trade);
-        assert!(sentence(up, down).1.contains(" for realism −0.050 [−0.090, −0.010]"));
+        assert!(sentence(up, down).1.contains(" at the price of realism −0.050 [−0.090, −0.010]"));
         assert_eq!(sentence(none, none).0, Verdict::Unsure);
         assert!(sentence(none, none).1.starts_with("no gain that these scenes tell from none"));
+        assert_eq!(
+            sentence(estimate(0.05, 0.0004, 0.1), none).0,
+            Verdict::Unsure,
+            "an end that is printed as 0 is none"
+        );
         assert_eq!(sentence(down, none).0, Verdict::Loss);
         assert_eq!(sentence(down, up).0, Verdict::Concession);
         assert!(sentence(none, up).1.contains("; attack not told from equal"));
         assert_eq!(sentence(Some(Estimate::plain(0.2)), None), (Verdict::Plain, "attack +0.200".into()));
+    }
+
+    #[test]
+    fn safebenchs_line_has_the_interval_of_its_table_and_the_sign_that_follows_from_it() {
+        let mut run = crate::evidence::tables::recorded_unseen();
+        let line = |run: &RecordedRun| headlines(run).remove(0);
+        let of = line(&run);
+        assert!(of.attack.unwrap().interval.is_some() && of.verdict != Verdict::Plain, "{of:?}");
+        assert!(of.says.contains("ARS ") && !of.says.contains("realism"), "{}", of.says);
+        assert!(of.shares.starts_with("comes to attack "), "{}", of.shares);
+        // A record without held-out runs has two numbers.
+        run.held_out.iter_mut().for_each(|of| of.runs.clear());
+        assert_eq!(line(&run).verdict, Verdict::Plain);
     }
 }

@@ -27,20 +27,37 @@ pub fn of(run: &RecordedRun, result: &LineageResult, words: &Words) -> Option<Va
         let explained: Vec<String> = names(text).into_iter().filter(|name| words.meanings.contains_key(name)).collect();
         json!({"name": name, "what": what, "outline": outline(text), "names": explained})
     };
+    let hold = words.rules_hold.get(&chosen.solution_id);
     let rules = chosen
         .scenario_conditioned_policy
         .iter()
-        .filter(|rule| !parent.scenario_conditioned_policy.contains(rule))
-        .map(|rule| entry(&rule.name, "where this rule holds", &rule.when));
+        .enumerate()
+        .filter(|(_, rule)| !parent.scenario_conditioned_policy.contains(rule))
+        .map(|(nth, rule)| {
+            entry(&rule.name, &rule_holds(hold.and_then(|(of, all)| Some((*of.get(nth)?, *all)))), &rule.when)
+        });
     let modules = modules.map(|(name, module)| entry(name, &in_words(&module.slot), &module.expression)).chain(rules);
     Some(json!({
-        "says": phrase(parent, chosen),
+        "says": phrase_with_the_last(parent, chosen),
         "steps": steps,
         "changes": words.changes.get(&chosen.solution_id),
         "flow": words.flows.get(&chosen.solution_id),
         "modules": modules.collect::<Vec<_>>(),
         "diff": program_diff(parent, chosen),
     }))
+}
+
+/// What a rule's condition is, and how often it holds where that was counted.
+fn rule_holds(holds: Option<(usize, usize)>) -> String {
+    let often = match holds {
+        None => String::new(),
+        Some((0, _)) => ": never in the held-out scenes, so it changes nothing there".into(),
+        Some((holds, all)) if holds == all => {
+            format!(": in all {all} held-out scenes, so it tells no scene from another")
+        }
+        Some((holds, all)) => format!(": in {holds} of {all} held-out scenes"),
+    };
+    format!("where this rule holds{often}")
 }
 
 /// Parent and chosen program, where they differ.
@@ -52,15 +69,32 @@ fn both<'r>(run: &'r RecordedRun, result: &LineageResult) -> Option<(&'r Program
 
 /// The gist of what a lineage's chosen program does now; `None` where the parent stays.
 pub fn gist(run: &RecordedRun, result: &LineageResult) -> Option<String> {
-    both(run, result).map(|(parent, chosen)| phrase(parent, chosen))
+    both(run, result).map(|(parent, chosen)| phrase_with_the_last(parent, chosen))
 }
 
 fn names(expression: &str) -> BTreeSet<String> {
     Expr::parse(expression).map(|expr| expr.names()).unwrap_or_default()
 }
 
-/// What is new, the most telling part first.
+/// What is new, the most telling part first; more than a few changes are counted.
 pub fn phrase(parent: &Program, chosen: &Program) -> String {
+    let mut clauses = clauses(parent, chosen);
+    let left = clauses.len().saturating_sub(CLAUSES_MAX);
+    clauses.truncate(CLAUSES_MAX);
+    if left > 0 {
+        clauses.push(counted(left, "further change"));
+    }
+    joined(&clauses)
+}
+
+/// The same where one more change has room: the one that is left out might be what does it.
+fn phrase_with_the_last(parent: &Program, chosen: &Program) -> String {
+    let clauses = clauses(parent, chosen);
+    if clauses.len() == CLAUSES_MAX + 1 { joined(&clauses) } else { phrase(parent, chosen) }
+}
+
+/// Every change, the most telling first.
+fn clauses(parent: &Program, chosen: &Program) -> Vec<String> {
     let of = |program: &Program, slot: Slot| -> Vec<OperatorNode> {
         program.operator_graph.values().filter(|node| node.slot == slot).cloned().collect()
     };
@@ -108,13 +142,7 @@ pub fn phrase(parent: &Program, chosen: &Program) -> String {
         [one] => clauses.push(one.clone()),
         [first, ..] => clauses.push(format!("{first} and {}", counted(set.len() - 1, "further parameter"))),
     }
-    let mut clauses = counted_once(clauses);
-    let left = clauses.len().saturating_sub(CLAUSES_MAX);
-    clauses.truncate(CLAUSES_MAX);
-    if left > 0 {
-        clauses.push(counted(left, "further change"));
-    }
-    joined(&clauses)
+    counted_once(clauses)
 }
 
 /// What says most of an attack first.
@@ -253,6 +281,7 @@ mod tests {
             "road users that answer the ego as they drive by “lean in”, 2 adversaries, chosen by rank and a m 2 in place of 1"
         );
         assert_eq!(phrase(&before, &before), "");
+        assert_eq!(phrase_with_the_last(&before, &after), phrase(&before, &after));
         let timed = json!({"slot": "timing", "kind": "conflict_window", "settings": {}, "inputs": []});
         let filter = json!({"slot": "filter", "kind": "guard_filter", "settings": {}, "inputs": []});
         let more = program(
@@ -261,6 +290,12 @@ mod tests {
             json!({"a_m": 2.0, "b_m": 3.0}),
         );
         assert!(phrase(&before, &more).ends_with("and 2 further changes"), "{}", phrase(&before, &more));
+        assert_eq!(phrase_with_the_last(&before, &more), phrase(&before, &more));
+        let mut fewer = more.clone();
+        fewer.operator_graph.remove("filter");
+        assert!(phrase(&before, &fewer).ends_with("and 1 further change"), "{}", phrase(&before, &fewer));
+        let whole = phrase_with_the_last(&before, &fewer);
+        assert!(whole.ends_with("and a m 2 in place of 1 and 1 further parameter"), "the last one is said: {whole}");
     }
 
     #[test]
@@ -272,5 +307,14 @@ mod tests {
         let before = program(json!({"one": search(json!({}))}), json!({}), json!({}));
         let after = program(json!({"one": scored(), "two": scored(), "faster": reshape}), json!({}), json!({}));
         assert_eq!(phrase(&before, &after), "search by “keep way” (twice) and candidates driven otherwise by “gain”");
+    }
+
+    #[test]
+    fn a_rule_says_where_it_holds_and_that_one_that_always_does_tells_nothing_apart() {
+        let of = |holds| rule_holds(holds);
+        assert_eq!(of(None), "where this rule holds");
+        assert_eq!(of(Some((20, 64))), "where this rule holds: in 20 of 64 held-out scenes");
+        assert!(of(Some((64, 64))).ends_with(": in all 64 held-out scenes, so it tells no scene from another"));
+        assert!(of(Some((0, 64))).contains(": never in the held-out scenes"));
     }
 }

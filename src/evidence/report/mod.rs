@@ -6,6 +6,7 @@ mod credit;
 mod data;
 mod growth;
 mod headline;
+mod manoeuvre;
 mod mechanism;
 mod others;
 mod packed;
@@ -17,6 +18,7 @@ mod trust;
 
 pub use beside::{Beside, Live, Words};
 pub use headline::shown;
+pub use manoeuvre::{Came, Gained, Manoeuvre};
 pub use mechanism::phrase as patch_in_words;
 pub use others::{Other, OtherRow};
 pub use stage::{Playable, Stage, Unplayed};

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use super::manoeuvre::Gained;
 use crate::draw::{Actor, Contact, Drawing};
+use crate::objects::SolutionId;
 
 /// Rollouts to play, and the scenes in which they happened.
 #[derive(Clone, Debug, Default)]
@@ -14,6 +16,8 @@ pub struct Stage {
     pub unplayed: Vec<Unplayed>,
     /// Lineages that repeat one that is played with other draws.
     pub repetitions_left_out: usize,
+    /// Of each chosen program what happens in the scenes that it gains.
+    pub gained: BTreeMap<SolutionId, Gained>,
 }
 
 /// A program that has no rollout in a scene that the report plays.

@@ -37,6 +37,8 @@ mod resampled;
 mod safebench;
 #[cfg(test)]
 mod safebench_tests;
+#[cfg(test)]
+pub(in crate::evidence) use safebench_tests::recorded_unseen;
 mod searches;
 mod shares;
 mod stopped;
@@ -74,4 +76,4 @@ pub use proposals::proposals;
 pub use readings::{is_ram, metadrive_readings};
 pub(in crate::evidence) use safebench::round_columns as family_columns;
 pub use safebench::{safebench_main, safebench_rounds};
-pub use unseen::safebench_held_out;
+pub use unseen::{held_out_change, safebench_held_out};

@@ -6,6 +6,7 @@ use super::tests::{attempt, from_their_parts, near, run, score};
 use super::*;
 use crate::evaluation::Runs;
 use crate::evidence::recorded_run::RecordedRun;
+use crate::kernel::num;
 use crate::objects::benchmark::{
     ArchiveRound, BenchmarkRow, HeldOutRun, Run as Drive, RunRealism, SafebenchRun, SelectedScene,
 };
@@ -345,7 +346,7 @@ fn measured(recorded: &mut RecordedRun, solution: &str, seen: &[Selected], held_
 
 /// On the routes that it saw the chosen program makes the ego collide everywhere; on others only where its parent did, and once
 /// more.
-pub(super) fn recorded_unseen() -> RecordedRun {
+pub(in crate::evidence) fn recorded_unseen() -> RecordedRun {
     unseen()
 }
 
@@ -387,6 +388,24 @@ fn a_chosen_program_stands_on_routes_that_it_did_not_see_beside_those_that_it_sa
     assert_eq!(table.rows().next().unwrap().counts, [3, 3, 1, 4]);
     assert!(from_their_parts(&table, std::slice::from_ref(&made)) >= 15);
     assert_eq!(table.rows().count(), 1, "nothing of the paper's stands here, so nothing is missing");
+}
+
+#[test]
+fn what_a_report_says_of_held_out_routes_is_what_the_table_has() {
+    let made = unseen();
+    let results: Vec<&LineageResult> = made.result.as_ref().unwrap().lineages.iter().collect();
+    let [attack, ars] = held_out_change(&made, &results).unwrap();
+    let table = safebench_held_out(std::slice::from_ref(&made)).unwrap();
+    let of = |key| ours(&table, &["AS", "IDM"], key);
+    near(attack.value, of("evolved_attack").value - of("parent_attack").value);
+    let points = of("ars_change_pp");
+    near(100.0 * ars.value, points.value);
+    let ends = |interval: Option<[f64; 2]>| interval.map(|ends| ends.map(|end| num::rounded(end, 9)));
+    assert_eq!(ends(ars.interval.map(|ends| ends.map(|end| 100.0 * end))), ends(points.interval));
+    // Of lane changing's two routes one is gained: a draw gains none, one or both.
+    let [low, high] = attack.interval.unwrap();
+    assert!(low == 0.0 && high > attack.value, "{attack:?}");
+    assert!(held_out_change(&recorded(&[&ADVSIM]), &results).is_none(), "nothing was held out");
 }
 
 #[test]

@@ -10,12 +10,13 @@ use super::key::Reads;
 use super::labels;
 use super::layout::{Cell, Column, Form, METHOD, Numbers, POLICY, Part, Table};
 use super::notes;
+use super::resampled::Resampled;
 use super::safebench::{COUNTS, FRONTIER, Subject, in_order, main_columns, main_numbers};
 use crate::evaluation::Group;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::SolutionId;
-use crate::objects::benchmark::BenchmarkRow;
+use crate::objects::benchmark::{Benchmark, BenchmarkRow};
 use crate::objects::event::LineageResult;
 use crate::scene::safebench::TrafficFamily;
 
@@ -75,6 +76,19 @@ pub fn safebench_held_out(runs: &[RecordedRun]) -> Result<Table, TableError> {
         runs: notes::runs(runs)?,
         notes: notes(runs, &all),
     })
+}
+
+/// What the chosen programs of a search's repetitions change of attack and of ARS on held-out routes, as the table draws it; `None` where a
+/// run has none, or is of another protocol.
+pub fn held_out_change(run: &RecordedRun, of: &[&LineageResult]) -> Option<[Estimate; 2]> {
+    let all = archives::held_out(std::slice::from_ref(run)).ok()?;
+    let own = all.iter().filter(|archive| of.iter().any(|result| result.lineage == archive.lineage));
+    let resampled = Resampled::new(&own.map(archives::LineageArchive::archived).collect::<Vec<_>>());
+    let change = |rate: fn(&BenchmarkRow) -> f64| {
+        let of = |round: Option<&Option<Benchmark>>| Some(rate(&round?.as_ref()?.mean));
+        resampled.estimate(|rounds| Some(of(rounds.last())? - of(rounds.first())?))
+    };
+    Some([change(|row| row.attack)?, change(|row| row.realism)?])
 }
 
 /// The seen routes first, then the main table's columns but for the frontier's, which has no held-out reading.

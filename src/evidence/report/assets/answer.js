@@ -16,7 +16,7 @@ function drawAnswer() {
     const both = scenes.filter((scene) => rolloutOf(result.parent.solution, scene));
     const scene = both.find((s) => { const [p, c] = [rolloutOf(result.parent.solution, s), rolloutOf(evolved, s)]; return c.contact && !p.contact; }) || both[0] || scenes[0];
     if (scene) {
-      sections.unshift(el("section", { class: "part" }, el("h2", {}, stays ? "What the parent does" : "Before and after, in one scene"), play, filmKey(scene, [result.parent.solution, evolved]), note(otherActors(scene, result.parent.solution, evolved), `Held-out scene ${scene}, chosen because it tells most of what changed${both.length > 1 ? "; " : ". "}`, both.length > 1 ? link({ tab: "scenes", lineage: best.id }, `${counted(both.length, "such scene")} and the outcome of all`) : null, both.length > 1 ? ". " : null, `Other drivers and seeds may give other outcomes.`)));
+      sections.unshift(el("section", { class: "part" }, el("h2", {}, stays ? "What the parent does" : "Before and after, in one scene"), play, filmKey(scene, [result.parent.solution, evolved]), note(otherActors(scene, result.parent.solution, evolved), `Held-out scene ${scene}, chosen because it tells most of what changed${both.length > 1 ? "; " : ". "}`, both.length > 1 ? link({ tab: "scenes", lineage: best.id }, `${counted(both.length, "scene")} of every outcome to play, and how all ended`) : null, both.length > 1 ? ". " : null, `Other drivers and seeds may give other outcomes.`)));
       setTimeout(() => { if (play.isConnected) film(play, scene, stays ? [["Parent", evolved]] : [["Before: parent", result.parent.solution], [`After: ${program}`, evolved]], { height: matchMedia("(max-width: 700px)").matches ? 210 : 270, at: "contact" }); }, 0);
     }
   }
@@ -42,7 +42,8 @@ function mechanismGist(lineage) {
   if (!lineage.result) return [note("The run is not finished: what its program does stands here at the end. ", link({ tab: "attempts" }, "Attempts so far"))];
   if (!m) return [note("No descendant was better by the rule of the experiment, so the program that was published is what the run reports. ", link({ tab: "front", lineage: lineage.id }, "Why"))];
   const words = m.steps.map(attemptOf).filter((a) => a && a.hypothesis);
-  return [m.says ? el("p", { class: "gist" }, `${capital(m.says)}.`) : null,
+  return [lineage.gains_by ? el("p", { class: "gist" }, `${lineage.gains_by}.`) : null,
+    m.says ? el("p", {}, `What is new in it: ${m.says}.`) : null,
     m.modules.length ? el("dl", { class: "named" }, m.modules.slice(0, 6).flatMap((module) => [el("dt", {}, `“${plain(module.name)}”`), el("dd", {}, el("small", {}, module.what), module.outline.slice(0, 8).map(([depth, line]) => el("div", { style: `margin-left: ${14 * depth}px` }, line)), module.outline.length > 8 ? el("div", {}, "…") : null)])) : null,
     headline.lineage === lineage.id && headline.contacts.length ? el("p", {}, "Its contacts that count: ", contactsInWords(headline), ".") : null,
     words.length ? el("p", { class: "note" }, words.length > 1 ? `What its proposer expected of each of its ${words.length} patches:` : "What its proposer expected:") : null,

@@ -21,7 +21,7 @@ function drawScenes() {
   put(page, part("Scenes", lineageControls(lineage, names.length > 1 ? el("label", {}, "Program ", el("select", { id: "play-solution", onchange: (e) => go({ a: e.target.value }) }, names.map((n) => option(n, n === evolved ? `${n} – chosen` : n === parent ? `${n} – parent` : n, n === a)))) : null,
     playable.length ? el("label", {}, "Scene ", el("select", { id: "play-scene", onchange: (e) => go({ scene: e.target.value }) }, playable.map((s) => option(s, s, s === scene)))) : null),
     scene ? play : note("No rollout of it was kept for playing.", data.lineages.length > 1 && stage.repetitions_left_out ? ` Of lineages that differ only in their random seed, the one that gained most attack is played; ${stage.repetitions_left_out} others are not.` : "", " ", el("code", {}, `evodrive scenes show --attempt ${evolved}`), " draws any.")),
-    playable.length ? el("section", { class: "part" }, el("h2", {}, `${counted(playable.length, "scene")} at the contact`), grid) : null,
+    playable.length ? el("section", { class: "part" }, el("h2", {}, `${counted(playable.length, "scene")}, each at its contact or its end`), grid) : null,
     pairsPart(lineage, pairs, playable), fullPlayer(a, scene),
     (stage.unplayed || []).length ? part("Cannot be played", list(stage.unplayed.map((u) => `${u.solution} in ${u.scene}: ${u.reason}`))) : null);
   if (scene) film(play, scene, sides, { height: sides.length > 2 ? 250 : 320, at: "contact" });

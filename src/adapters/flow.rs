@@ -117,9 +117,7 @@ impl<'p> Walk<'p> {
             Setting::Parameter(of) => self
                 .moved(&of.parameter)
                 .map(|[old, new]| format!("{} {}, was {}", in_words(name), new.in_words(), old.in_words())),
-            Setting::Mechanism(of) => Some(format!("{} “{}”", in_words(name), in_words(&of.mechanism))),
-            Setting::Choice(word) => Some(format!("{} {}", in_words(name), in_words(word))),
-            Setting::Number(number) => Some(format!("{} {number}", in_words(name))),
+            value => Some(format!("{} {}", in_words(name), value.in_words())),
         }
     }
 }
@@ -157,12 +155,7 @@ fn question(slot: Slot) -> &'static str {
 fn overridden(rule: &PolicyRule) -> String {
     let set = |name: &String, value: String| format!("{} {value}", in_words(name));
     let parameters = rule.parameters.iter().map(|(name, value)| set(name, value.in_words()));
-    let settings = rule.operators.values().flatten().map(|(name, value)| match value {
-        Setting::Number(number) => set(name, number.to_string()),
-        Setting::Choice(word) => set(name, in_words(word)),
-        Setting::Parameter(of) => set(name, format!("as {}", in_words(&of.parameter))),
-        Setting::Mechanism(of) => set(name, format!("“{}”", in_words(&of.mechanism))),
-    });
+    let settings = rule.operators.values().flatten().map(|(name, value)| set(name, value.in_words()));
     let sets: Vec<String> = parameters.chain(settings).collect();
     let when = in_words(&canonical_text(&rule.when));
     format!("Where the rule “{}” holds ({when}): {}", in_words(&rule.name), sets.join(", "))

@@ -178,7 +178,7 @@ mod tests {
 
     use super::*;
     use crate::kernel::Digest;
-    use crate::llm::{AskError, Reply, Request};
+    use crate::llm::{AskError, DraftJudge, Reply, Request};
     use crate::objects::counsel::LaneRelation;
 
     /// Answers in turn; keeps what was asked.
@@ -195,7 +195,7 @@ mod tests {
     }
 
     impl Ask for Answers {
-        fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+        fn ask_with(&self, request: &Request, _: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
             let mut desk = self.0.lock().unwrap();
             let text = desk.0.get(desk.1.len()).cloned().unwrap_or_default();
             desk.1.push(request.clone());

@@ -16,7 +16,7 @@ use super::{
     template::PromptError,
 };
 use crate::{
-    llm::{Ask, AskError, ModelSpec, Reply, Trial, Tried},
+    llm::{Ask, AskError, DraftJudge, ModelSpec, Reply, Tried},
     objects::{Advice, Exchange, ProgramPatch, Proposal, Review, Role, Round},
 };
 
@@ -150,9 +150,9 @@ impl Talk<'_> {
         subject: &Subject<'_>,
         check: &Check<'_, E>,
     ) -> Result<Draft, E> {
-        let trial = Judged { model: model_of(self.task.models, role)?, role, check, failed: RefCell::new(None) };
-        let answered = self.exchange(role, round, subject, Some(&trial), |bytes| reply::patch(bytes, role));
-        if let Some(error) = trial.failed.into_inner() {
+        let judge = Judged { model: model_of(self.task.models, role)?, role, check, failed: RefCell::new(None) };
+        let answered = self.exchange(role, round, subject, Some(&judge), |bytes| reply::patch(bytes, role));
+        if let Some(error) = judge.failed.into_inner() {
             return Err(error);
         }
         let (reply, read) = answered?;
@@ -194,12 +194,12 @@ impl Talk<'_> {
         role: Role,
         round: u32,
         subject: &Subject<'_>,
-        trial: Option<&dyn Trial>,
+        judge: Option<&dyn DraftJudge>,
         read: impl Fn(&[u8]) -> Result<T, Refusal>,
     ) -> Result<(Reply, Result<T, Refusal>), AgentError> {
         let model = model_of(self.task.models, role)?;
         let asked = request(self.task, model, role, round, subject)?;
-        let reply = trial.map_or_else(|| self.ask.ask(&asked), |trial| self.ask.ask_with(&asked, trial))?;
+        let reply = self.ask.ask_with(&asked, judge)?;
         let (bytes, unwrapped) = asked.model.opened(&reply.bytes);
         let answer = read(bytes);
         self.exchanges.push(Exchange {
@@ -225,7 +225,7 @@ struct Judged<'a, E> {
     failed: RefCell<Option<E>>,
 }
 
-impl<E> Trial for Judged<'_, E> {
+impl<E> DraftJudge for Judged<'_, E> {
     fn tried(&self, draft: &[u8]) -> Tried {
         let refused = |says: String| Tried { passes: false, says };
         let patch = match reply::patch(self.model.opened(draft).0, self.role) {

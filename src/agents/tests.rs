@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     kernel::Digest,
-    llm::{Ask, AskError, ModelSpec, Reply, Request},
+    llm::{Ask, AskError, DraftJudge, ModelSpec, Reply, Request},
     objects::{Advice, GateReport, GateVerdict, ProgramPatch, Role, attempt::Gate},
 };
 
@@ -20,7 +20,7 @@ struct Table {
 }
 
 impl Ask for Table {
-    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+    fn ask_with(&self, request: &Request, _: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
         self.asked.lock().unwrap().push(request.clone());
         let place =
             self.answers.iter().find(|((role, round), _)| *role == request.slot.role && *round == request.slot.round);

@@ -15,7 +15,7 @@ use crate::evaluation::{AttackOptions, ContactClass, EvaluationOptions};
 use crate::experiment::{Experiment, SceneSource};
 use crate::families::grammar;
 use crate::kernel::{Digest, Threads};
-use crate::llm::{Ask, AskError, Cassette, Model, Record, RecordMode, Replay, Reply, Request};
+use crate::llm::{Ask, AskError, Cassette, DraftJudge, Model, Record, RecordMode, Replay, Reply, Request};
 use crate::objects::event::{Finalist, Frozen, RunResult, Settled, kind};
 use crate::objects::{
     Attempt, LineageId, MechanismModule, OperatorNode, ParameterValue, Program, Role, RouteDecision, Setting, Slot,
@@ -177,7 +177,7 @@ struct Waiting<'a> {
 }
 
 impl Ask for Waiting<'_> {
-    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+    fn ask_with(&self, request: &Request, judge: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
         let Patience { wanted, asked, alone, heard } = self.patience;
         let actors = request.slot.role == Role::Actor.name() && request.slot.round == 0;
         if actors {
@@ -197,7 +197,7 @@ impl Ask for Waiting<'_> {
             });
             alone.fetch_add(usize::from(!together), Ordering::Relaxed);
         }
-        self.ask.ask(request)
+        self.ask.ask_with(request, judge)
     }
 }
 

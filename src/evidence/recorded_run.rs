@@ -80,6 +80,29 @@ pub struct Setting {
 /// The ego that is a planner of the experimenter's own.
 pub const OWN_PLANNER: &str = "command";
 
+/// What became of a scene under a lineage's parent and under its chosen program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Became {
+    /// The chosen program attacks, the parent does not.
+    Gained,
+    /// The parent attacks, the chosen program does not.
+    Lost,
+    Both,
+    Neither,
+}
+
+impl Became {
+    /// From the labels; a parent without one does not attack.
+    pub fn of(parent: Option<&SceneScore>, chosen: &SceneScore) -> Became {
+        match (parent.is_some_and(|was| was.attack > 0.0), chosen.attack > 0.0) {
+            (false, true) => Became::Gained,
+            (true, false) => Became::Lost,
+            (true, true) => Became::Both,
+            (false, false) => Became::Neither,
+        }
+    }
+}
+
 /// A run being read event by event: all events of a long run as JSON would need several times its memory.
 #[derive(Default)]
 pub struct Reading(Option<Result<RecordedRun, RecordedRunError>>);
@@ -215,6 +238,13 @@ impl RecordedRun {
         own.flat_map(|of| &of.score.scenes).map(|label| (label.scene.as_str(), label)).collect()
     }
 
+    /// What became of each held-out scene that both programs of a lineage's result have a label of, by scene.
+    pub fn outcomes(&self, of: &LineageResult) -> BTreeMap<&str, Became> {
+        let (was, is) = (self.held_out_labels(&of.parent.solution), self.held_out_labels(&of.evolved.solution));
+        let both = is.into_iter().filter_map(|(scene, label)| Some((scene, *was.get(scene)?, label)));
+        both.map(|(scene, was, is)| (scene, Became::of(Some(was), is))).collect()
+    }
+
     /// The label of a program in a scene: a function of program, scene and ego, so it does not matter where it is met first.
     pub fn label(&self, solution: &SolutionId, scene: &str) -> Option<&SceneScore> {
         let own = self.scores().filter(|(_, of, ..)| *of == solution);
@@ -238,4 +268,31 @@ impl RecordedRun {
 fn body<T: DeserializeOwned>(event: Event) -> Result<T, RecordedRunError> {
     let Event { seq, kind, body, .. } = event;
     serde_json::from_value(body).map_err(|error| RecordedRunError::Unreadable { seq, kind, reason: error.to_string() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::tables::tests::{CAT, End, add, run};
+
+    #[test]
+    fn a_scene_is_gained_or_lost_or_the_same_and_counts_where_both_programs_have_its_label() {
+        let outcomes = |parent, evolved| {
+            let mut recorded = run("made", &[]);
+            add(&mut recorded, &End { parent, evolved: Some(evolved), ..CAT });
+            let result = &recorded.result.as_ref().unwrap().lineages[0];
+            recorded.outcomes(result).into_iter().map(|(scene, became)| (scene.to_string(), became)).collect::<Vec<_>>()
+        };
+        let (attack, none) = (Some((1.0, 0.9)), Some((0.0, 0.9)));
+        let became = outcomes([attack, none, none, attack], [attack, attack, none, none]);
+        let expected = [Became::Both, Became::Gained, Became::Neither, Became::Lost];
+        assert!(became.iter().map(|(_, became)| *became).eq(expected), "{became:?}");
+        let some = outcomes([None, none, attack, none], [attack, attack, None, none]);
+        assert_eq!(some, [("s2".to_string(), Became::Gained), ("s4".to_string(), Became::Neither)]);
+        // Where nobody labelled the parent it did not attack.
+        let mut recorded = run("made", &[]);
+        add(&mut recorded, &CAT);
+        let label = recorded.held_out[1].score.scenes[0].clone();
+        assert_eq!(Became::of(None, &label), Became::Gained);
+    }
 }

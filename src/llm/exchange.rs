@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Completion, DrawSlot, Message, Metadata, Model, ModelError, Request, Schema, Trial, Tried, TriedDraft, reply,
+    Completion, DraftJudge, DrawSlot, Message, Metadata, Model, ModelError, Request, Schema, Tried, TriedDraft, reply,
 };
 use crate::{kernel::Digest, store};
 
@@ -116,8 +116,8 @@ impl Model for Exchange {
         self.noted(self.awaited(request, None))
     }
 
-    fn complete_with(&self, request: &Request, trial: &dyn Trial) -> Result<Completion, ModelError> {
-        self.noted(self.awaited(request, Some(trial)))
+    fn complete_with(&self, request: &Request, judge: &dyn DraftJudge) -> Result<Completion, ModelError> {
+        self.noted(self.awaited(request, Some(judge)))
     }
 }
 
@@ -135,7 +135,7 @@ impl Exchange {
     }
 
     /// Writes the question out and waits for its reply; drafts are tried while it waits.
-    fn awaited(&self, request: &Request, trial: Option<&dyn Trial>) -> Result<Completion, ModelError> {
+    fn awaited(&self, request: &Request, judge: Option<&dyn DraftJudge>) -> Result<Completion, ModelError> {
         let number = self.number(request)?;
         let path = self.dir.join(reply_name(number));
         let mut announced = false;
@@ -145,8 +145,8 @@ impl Exchange {
                 let metadata = Metadata { model: self.provenance.clone(), tries, ..Metadata::default() };
                 return Ok(Completion { bytes, metadata: Some(metadata) });
             }
-            if let Some(trial) = trial {
-                self.judge(number, trial)?;
+            if let Some(judge) = judge {
+                self.judge(number, judge)?;
             }
             if !announced {
                 (self.tell)(&self.dir.join(format!("{number}.request.md")));
@@ -161,16 +161,12 @@ impl Exchange {
             }
         }
     }
-}
 
-impl Exchange {
     /// Says what there is to say of each draft that waits for it.
-    fn judge(&self, number: u64, trial: &dyn Trial) -> Result<(), ModelError> {
-        for nth in 1..=TRIES_MAX {
-            let (draft, said) = (self.dir.join(draft_name(number, nth)), self.dir.join(said_name(number, nth)));
-            let Some(bytes) = replied(&draft)? else { return Ok(()) };
+    fn judge(&self, number: u64, judge: &dyn DraftJudge) -> Result<(), ModelError> {
+        for Draft { bytes, said } in drafts(&self.dir, number)? {
             if !store::is_plain_file(&said).map_err(|error| on_disk(&said, &error))? {
-                let text = serde_json::to_vec_pretty(&trial.tried(&bytes)).map_err(|error| on_disk(&said, &error))?;
+                let text = serde_json::to_vec_pretty(&judge.tried(&bytes)).map_err(|error| on_disk(&said, &error))?;
                 store::write_atomic(&said, &text).map_err(|error| on_disk(&said, &error))?;
             }
         }
@@ -212,15 +208,20 @@ pub fn try_draft(question: &Path, draft: &[u8]) -> Result<PathBuf, ModelError> {
     if replied(&dir.join(&asked.reply_file))?.is_some() {
         return Err(refused(format!("{}: it is answered already, in {}", question.display(), asked.reply_file)));
     }
-    for nth in 1..=TRIES_MAX {
-        let (path, said) = (dir.join(draft_name(number, nth)), dir.join(said_name(number, nth)));
-        match replied(&path)? {
-            Some(known) if known == draft => return Ok(said),
-            Some(_) => {}
-            None => return store::write_atomic(&path, draft).map(|()| said).map_err(|error| on_disk(&path, &error)),
-        }
+    let known = drafts(dir, number)?;
+    if let Some(same) = known.iter().find(|of| of.bytes == draft) {
+        return Ok(same.said.clone());
     }
-    Err(refused(format!("{}: {TRIES_MAX} drafts were tried, and no more are; answer it", question.display())))
+    let nth = known.len() as u32 + 1;
+    if nth > TRIES_MAX {
+        return Err(refused(format!(
+            "{}: {TRIES_MAX} drafts were tried, and no more are; answer it",
+            question.display()
+        )));
+    }
+    let path = dir.join(format!("{number}.try-{nth}.txt"));
+    store::write_atomic(&path, draft).map_err(|error| on_disk(&path, &error))?;
+    Ok(dir.join(said_name(number, nth)))
 }
 
 /// What was said of a draft; nothing while it waits.
@@ -237,19 +238,30 @@ fn is_tried(slot: &DrawSlot) -> bool {
     ["actor", "repair"].contains(&slot.role.as_str())
 }
 
-/// The drafts of a question that were tried, in their order.
+/// A draft that lies in the folder, and the file for what is said of it.
+struct Draft {
+    bytes: Vec<u8>,
+    said: PathBuf,
+}
+
+/// The drafts of a question, in their order.
+fn drafts(dir: &Path, number: u64) -> Result<Vec<Draft>, ModelError> {
+    let mut drafts = Vec::new();
+    for nth in 1..=TRIES_MAX {
+        let Some(bytes) = replied(&dir.join(format!("{number}.try-{nth}.txt")))? else { break };
+        drafts.push(Draft { bytes, said: dir.join(said_name(number, nth)) });
+    }
+    Ok(drafts)
+}
+
+/// Those of them that were judged.
 fn tries(dir: &Path, number: u64) -> Result<Vec<TriedDraft>, ModelError> {
     let mut tries = Vec::new();
-    for nth in 1..=TRIES_MAX {
-        let Some(bytes) = replied(&dir.join(draft_name(number, nth)))? else { break };
-        let Some(said) = said_of(&dir.join(said_name(number, nth)))? else { break };
+    for Draft { bytes, said } in drafts(dir, number)? {
+        let Some(said) = said_of(&said)? else { break };
         tries.push(TriedDraft { draft: Digest::of_bytes(&bytes), passes: said.passes });
     }
     Ok(tries)
-}
-
-fn draft_name(number: u64, nth: u32) -> String {
-    format!("{number}.try-{nth}.txt")
 }
 
 fn said_name(number: u64, nth: u32) -> String {
@@ -472,7 +484,7 @@ mod tests {
     /// Passes what begins with a brace.
     struct Braces(AtomicUsize);
 
-    impl Trial for Braces {
+    impl DraftJudge for Braces {
         fn tried(&self, draft: &[u8]) -> Tried {
             self.0.fetch_add(1, Ordering::Relaxed);
             Tried { passes: draft.starts_with(b"{"), says: "looked at".into() }
@@ -488,17 +500,17 @@ mod tests {
         for asked in [&request(0), &critic] {
             exchange.number(asked).unwrap();
         }
-        let (question, trial) = (dir.path().join("1.request.md"), Braces(AtomicUsize::new(0)));
+        let (question, judge) = (dir.path().join("1.request.md"), Braces(AtomicUsize::new(0)));
         for nth in 1..=TRIES_MAX {
             let said = try_draft(&question, format!("{{{nth}").as_bytes()).unwrap();
             assert_eq!(said_of(&said).unwrap(), None, "nobody looked yet");
-            exchange.judge(1, &trial).unwrap();
+            exchange.judge(1, &judge).unwrap();
             assert!(said_of(&said).unwrap().unwrap().passes);
         }
         let known = try_draft(&question, b"{3").unwrap();
-        exchange.judge(1, &trial).unwrap();
+        exchange.judge(1, &judge).unwrap();
         assert!(said_of(&known).unwrap().is_some());
-        assert_eq!(trial.0.load(Ordering::Relaxed), TRIES_MAX as usize, "a draft is judged once");
+        assert_eq!(judge.0.load(Ordering::Relaxed), TRIES_MAX as usize, "a draft is judged once");
         let refused = |question: &Path| try_draft(question, b"{another").unwrap_err().to_string();
         assert!(refused(&question).contains("8 drafts were tried"), "{}", refused(&question));
         let critics = dir.path().join("2.request.md");

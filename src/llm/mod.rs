@@ -20,7 +20,7 @@ pub use cassette::{Cassette, CassetteError, Recorded};
 pub use client::{ClientOptions, IncompleteReplies, SpendCap};
 pub use command::{Command, CommandOptions};
 pub use exchange::Exchange;
-pub use model::{Completion, Metadata, Model, ModelError, Trial, Tried, TriedDraft};
+pub use model::{Completion, DraftJudge, Metadata, Model, ModelError, Tried, TriedDraft};
 pub use record::{Record, RecordMode};
 pub use replay::Replay;
 pub use reply::Refusal;
@@ -45,12 +45,13 @@ pub struct Reply {
 
 /// Something that answers requests: a cassette, a recorder in front of a model, a test. Many threads call it.
 pub trait Ask: Sync {
-    /// The answer to a request, or why there is none.
-    fn ask(&self, request: &Request) -> Result<Reply, AskError>;
+    /// The answer to a request, or why there is none. With a judge drafts of it may be tried before it is given; who cannot try, or answers
+    /// from a record, just answers.
+    fn ask_with(&self, request: &Request, judge: Option<&dyn DraftJudge>) -> Result<Reply, AskError>;
 
-    /// The same of a question whose answer may be tried before it is given. Who cannot try, or answers from a record, just answers.
-    fn ask_with(&self, request: &Request, _trial: &dyn Trial) -> Result<Reply, AskError> {
-        self.ask(request)
+    /// The answer to a request of which no draft is tried.
+    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+        self.ask_with(request, None)
     }
 }
 

@@ -13,13 +13,13 @@ pub trait Model: Sync {
     fn complete(&self, request: &Request) -> Result<Completion, ModelError>;
 
     /// The same of a question whose answer may be tried before it is given; who cannot try just answers.
-    fn complete_with(&self, request: &Request, _trial: &dyn Trial) -> Result<Completion, ModelError> {
+    fn complete_with(&self, request: &Request, _judge: &dyn DraftJudge) -> Result<Completion, ModelError> {
         self.complete(request)
     }
 }
 
 /// Judges a draft before it is an answer: it is read, gates and compiler look at it. No label of it is told.
-pub trait Trial {
+pub trait DraftJudge {
     /// What they say of a draft.
     fn tried(&self, draft: &[u8]) -> Tried;
 }

@@ -7,8 +7,8 @@ use std::{
 };
 
 use super::{
-    Ask, AskError, Cassette, CassetteError, Completion, DrawSlot, Metadata, Miss, Model, ModelError, ModelSpec, Reply,
-    Request, Trial, replay::key_of, reply, unwrap,
+    Ask, AskError, Cassette, CassetteError, Completion, DraftJudge, DrawSlot, Metadata, Miss, Model, ModelError,
+    ModelSpec, Reply, Request, replay::key_of, reply, unwrap,
 };
 use crate::{
     kernel::Digest,
@@ -139,7 +139,7 @@ impl<'a> Record<'a> {
         &self,
         request: &Request,
         key: &Digest,
-        trial: Option<&dyn Trial>,
+        judge: Option<&dyn DraftJudge>,
     ) -> Result<(Digest, Option<Metadata>), AskError> {
         if self.mode == RecordMode::Missing
             && let Some(found) = self.cassette.get(key)
@@ -150,7 +150,7 @@ impl<'a> Record<'a> {
         if let Some(response) = self.store.memo_get(MemoKind::Llm, &memo_key) {
             return Ok((response, self.kept_metadata(&memo_key, &response)?));
         }
-        let Completion { bytes, metadata } = self.complete(request, *key, trial)?;
+        let Completion { bytes, metadata } = self.complete(request, *key, judge)?;
         self.look_at(&request.model, &bytes);
         let response = self.store.put(&bytes).map_err(on_disk)?;
         // Written before the answer, so that no answer exists without it.
@@ -194,7 +194,7 @@ impl<'a> Record<'a> {
     }
 
     /// Without models it is a recording that others fill.
-    fn complete(&self, request: &Request, key: Digest, trial: Option<&dyn Trial>) -> Result<Completion, AskError> {
+    fn complete(&self, request: &Request, key: Digest, judge: Option<&dyn DraftJudge>) -> Result<Completion, AskError> {
         if self.models.is_empty() {
             let miss = Miss::plain("the recording", key, request.slot.clone(), "evodrive record");
             return Err(AskError::Miss(Box::new(miss)));
@@ -205,7 +205,7 @@ impl<'a> Record<'a> {
             let reason = format!("no such model is set up for recording (there are: {})", known.join(", "));
             failed(ModelError::Unanswerable { reason })
         })?;
-        let answer = trial.map_or_else(|| model.complete(request), |trial| model.complete_with(request, trial));
+        let answer = judge.map_or_else(|| model.complete(request), |judge| model.complete_with(request, judge));
         answer.map_err(failed)
     }
 }
@@ -229,25 +229,15 @@ fn on_disk(error: StoreError) -> AskError {
     AskError::Disk(error.into())
 }
 
-impl Record<'_> {
-    fn asked(&self, request: &Request, trial: Option<&dyn Trial>) -> Result<Reply, AskError> {
+impl Ask for Record<'_> {
+    fn ask_with(&self, request: &Request, judge: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
         let key = key_of(request)?;
-        let (response, metadata) = self.answer(request, &key, trial)?;
+        let (response, metadata) = self.answer(request, &key, judge)?;
         let bytes = self.store.get(&response).map_err(on_disk)?;
         let own = Collected { request: request.clone(), response, metadata: metadata.clone() };
         self.collected().insert((request.slot.clone(), key), own);
         let digest = metadata.as_ref().filter(|_| self.seals_metadata()).map(Metadata::digest).transpose();
         let sealed_metadata = digest.map_err(|error| AskError::Store(format!("metadata of an answer: {error}")))?;
         Ok(Reply { request: key, response, bytes, metadata, sealed_metadata })
-    }
-}
-
-impl Ask for Record<'_> {
-    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
-        self.asked(request, None)
-    }
-
-    fn ask_with(&self, request: &Request, trial: &dyn Trial) -> Result<Reply, AskError> {
-        self.asked(request, Some(trial))
     }
 }

@@ -3,7 +3,9 @@
 use serde::Serialize;
 use std::cmp::Reverse;
 
-use super::{Ask, AskError, Cassette, DrawSlot, Message, Miss, ModelError, Reply, Request, cassette::Recorded};
+use super::{
+    Ask, AskError, Cassette, DraftJudge, DrawSlot, Message, Miss, ModelError, Reply, Request, cassette::Recorded,
+};
 use crate::store::{first_difference, shortened};
 
 /// A cassette as the source of answers. A request without a recorded answer is a miss; no model is asked by accident.
@@ -27,7 +29,7 @@ impl Replay {
 }
 
 impl Ask for Replay {
-    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+    fn ask_with(&self, request: &Request, _: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
         let key = key_of(request)?;
         match self.cassette.get(&key) {
             Some(found) => Ok(Reply {

@@ -85,6 +85,18 @@ pub enum Setting {
     Choice(String),
 }
 
+impl Setting {
+    /// Of a module the name that its proposer gave it, in quotes; of a parameter that it is followed.
+    pub fn in_words(&self) -> String {
+        match self {
+            Setting::Number(number) => number.to_string(),
+            Setting::Choice(word) => in_words(word),
+            Setting::Parameter(of) => format!("as {}", in_words(&of.parameter)),
+            Setting::Mechanism(of) => format!("“{}”", in_words(&of.mechanism)),
+        }
+    }
+}
+
 /// `{"parameter": "name"}`: the value of θ under this name, after the rules of ρ were applied for the scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -166,7 +166,7 @@ pub(super) mod tests {
     use crate::agents::counsel::{Advice, Case, counsel};
     use crate::agents::{AgentError, reply};
     use crate::kernel::Digest;
-    use crate::llm::{Ask, AskError, Model, ModelSpec, Reply, Request};
+    use crate::llm::{Ask, AskError, DraftJudge, Model, ModelSpec, Reply, Request};
     use crate::objects::counsel::{Failure, LaneRelation, Proposer, Trial, Vehicle};
     use crate::objects::{Counsel, LineageId};
     use std::collections::BTreeMap;
@@ -176,7 +176,7 @@ pub(super) mod tests {
     pub struct Live;
 
     impl Ask for Live {
-        fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+        fn ask_with(&self, request: &Request, _: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
             let bytes = Scripted.complete(request).unwrap().bytes;
             assert_eq!(bytes, Scripted.complete(request).unwrap().bytes, "equal requests get equal bytes");
             Ok(Reply {

@@ -131,7 +131,7 @@ mod tests {
     use crate::agents::AgentError;
     use crate::agents::compose::{Order, compose};
     use crate::families::{chatscene, registry};
-    use crate::llm::{Ask, AskError, ModelSpec, Reply, Request};
+    use crate::llm::{Ask, AskError, DraftJudge, ModelSpec, Reply, Request};
     use crate::objects::composition::TemplateTrial;
     use crate::objects::{Composed, Composition, FamilyName, LineageId, ParameterValue, Setting};
 
@@ -175,7 +175,7 @@ mod tests {
     struct Recorded(Mutex<Vec<String>>);
 
     impl Ask for Recorded {
-        fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+        fn ask_with(&self, request: &Request, _: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
             self.0.lock().unwrap().push(request.messages.last().unwrap().text.to_string());
             Live.ask(request)
         }

@@ -15,7 +15,7 @@ use crate::{
     },
     candidates::{Judging, Trials, admit},
     kernel::Digest,
-    llm::{Ask, AskError, Model, ModelError, ModelSpec, Reply, Request},
+    llm::{Ask, AskError, DraftJudge, Model, ModelError, ModelSpec, Reply, Request},
     objects::{Advice, GateReport, Program, ProgramPatch, Review, Role, SolutionId},
 };
 
@@ -109,7 +109,7 @@ fn gate_problems(stage: &Stage, patch: &ProgramPatch) -> Vec<String> {
 struct Live;
 
 impl Ask for Live {
-    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+    fn ask_with(&self, request: &Request, _: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
         let bytes = Scripted.complete(request).unwrap().bytes;
         Ok(Reply {
             request: request.key().unwrap(),

@@ -5,6 +5,7 @@ use std::path::Path;
 use crate::cli::terminal::exit::Failure;
 use crate::epoch::{Done, Task, Workbench};
 use crate::kernel::Digest;
+use crate::llm::{Ask, AskError, DraftJudge, Reply, Request};
 use crate::shard::{Came, Shard, TaskResult};
 use crate::store::Store;
 
@@ -49,8 +50,8 @@ pub fn done(
 /// No task asks a model.
 pub struct Nobody;
 
-impl crate::llm::Ask for Nobody {
-    fn ask(&self, _: &crate::llm::Request) -> Result<crate::llm::Reply, crate::llm::AskError> {
+impl Ask for Nobody {
+    fn ask_with(&self, _: &Request, _: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
         unreachable!("no task asks a model")
     }
 }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Mutex;
 
 use crate::kernel::Digest;
-use crate::llm::{Ask, AskError, Cassette, DrawSlot, Miss, Reply, Request};
+use crate::llm::{Ask, AskError, Cassette, DraftJudge, DrawSlot, Miss, Reply, Request};
 use crate::store::{MemoKind, Store};
 
 /// A question, as far as a plan needs it.
@@ -53,7 +53,7 @@ impl<'a> Looked<'a> {
 }
 
 impl Ask for Looked<'_> {
-    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+    fn ask_with(&self, request: &Request, _: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
         let key = request.key().map_err(|error| AskError::Store(error.to_string()))?;
         let recorded = self.recorded(&key)?;
         let slot = request.slot.clone();

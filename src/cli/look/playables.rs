@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use crate::draw::{Actor, Contact, Drawing, Role, role_of};
 use crate::epoch::{LineageSpec, Player, Study, Traced, record_digest};
-use crate::evidence::RecordedRun;
 use crate::evidence::report::{self, Playable, Stage, Unplayed};
+use crate::evidence::{Became, RecordedRun};
 use crate::kernel::Threads;
-use crate::objects::{Program, SceneScore, SolutionId};
+use crate::objects::{Program, SolutionId};
 use crate::scene::{DT_S, Scene};
 use crate::sim::{self, ActorRef, ActorTrace, End, Outcome, Trace};
 
@@ -86,15 +86,6 @@ fn programs(run: &RecordedRun, spec: &LineageSpec) -> Vec<(SolutionId, String)> 
     chosen
 }
 
-/// What became of a scene under the parent and under the chosen program.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Became {
-    Gained,
-    Lost,
-    Both,
-    Neither,
-}
-
 /// In which order the outcomes take their turns: a reader sees first what was gained, and of each of the others some.
 const TURNS: [Became; 6] =
     [Became::Gained, Became::Lost, Became::Gained, Became::Both, Became::Gained, Became::Neither];
@@ -108,13 +99,7 @@ fn scenes(study: &Study, run: &RecordedRun, spec: &LineageSpec, most: usize) -> 
     for place in study.held_out.iter().copied() {
         let id = study.scenes[place].scene().id.as_str();
         let Some(is) = after.get(id) else { continue };
-        let attacks = |label: &SceneScore| label.attack > 0.0;
-        let became = match (before.get(id).is_some_and(|was| attacks(was)), attacks(is)) {
-            (false, true) => Became::Gained,
-            (true, false) => Became::Lost,
-            (true, true) => Became::Both,
-            (false, false) => Became::Neither,
-        };
+        let became = Became::of(before.get(id).copied(), is);
         left.entry(became).or_default().push((is.realism, place));
     }
     left.values_mut().for_each(|of| of.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))));
@@ -133,6 +118,20 @@ fn in_turns(mut left: BTreeMap<Became, Vec<(f64, usize)>>, most: usize) -> Vec<u
     places
 }
 
+/// A held-out rollout simulated again, and whether it came out as the record has it; `None` where the record holds no label of it.
+pub fn traced(
+    player: &Player<'_>,
+    run: &RecordedRun,
+    (spec, place): (&LineageSpec, usize),
+    program: &Program,
+) -> Result<(Traced, Option<bool>), String> {
+    let traced = player.trace(spec, program, place)?;
+    let labels = run.held_out_labels(&program.solution_id);
+    let recorded = labels.get(player.study.scenes[place].scene().id.as_str()).map(|label| label.record);
+    let digest = record_digest(&traced.record).map_err(|error| error.to_string())?;
+    Ok((traced, recorded.map(|recorded| recorded == digest)))
+}
+
 fn play(
     player: &Player<'_>,
     run: &RecordedRun,
@@ -141,10 +140,7 @@ fn play(
     role: &str,
 ) -> Result<Playable, String> {
     let scene = player.study.scenes[place].scene();
-    let Traced { record, decision, motion, .. } = player.trace(spec, program, place)?;
-    let labels = run.held_out_labels(&program.solution_id);
-    let recorded = labels.get(scene.id.as_str()).map(|label| label.record);
-    let digest = record_digest(&record).map_err(|error| error.to_string())?;
+    let (Traced { record, decision, motion, .. }, as_recorded) = traced(player, run, (spec, place), program)?;
     let outcome = &record.outcome;
     let applied = if decision.applies { String::new() } else { format!("; not applied: {}", decision.reason) };
     Ok(Playable {
@@ -154,7 +150,7 @@ fn play(
         changed: changed(scene, &motion),
         contact: contact(scene, &motion, outcome),
         caption: format!("{}{applied}", ending(outcome, motion.from_step)),
-        as_recorded: recorded.map(|recorded| recorded == digest),
+        as_recorded,
     })
 }
 

@@ -8,7 +8,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use crate::cli::terminal::exit::Failure;
-use crate::llm::{Ask, AskError, Reply, Request, Trial};
+use crate::llm::{Ask, AskError, DraftJudge, Reply, Request};
 
 /// How long a reply or a decision that was asked for may still take after Ctrl-C: replies cost money, and most come in time.
 const GRACE: Duration = Duration::from_secs(3);
@@ -137,17 +137,10 @@ pub struct Until<'a> {
 }
 
 impl Ask for Until<'_> {
-    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+    fn ask_with(&self, request: &Request, judge: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
         match self.interrupt.is_asked() {
             true => Err(AskError::Stopped),
-            false => self.ask.ask(request),
-        }
-    }
-
-    fn ask_with(&self, request: &Request, trial: &dyn Trial) -> Result<Reply, AskError> {
-        match self.interrupt.is_asked() {
-            true => Err(AskError::Stopped),
-            false => self.ask.ask_with(request, trial),
+            false => self.ask.ask_with(request, judge),
         }
     }
 }

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use crate::cli::terminal::width::{USUAL, stderr_width};
 use crate::cli::terminal::{answer::progress, result_text, timed::timed};
 use crate::epoch::{Progress, Study};
-use crate::llm::{Ask, AskError, DrawSlot, Reply, Request, Trial};
+use crate::llm::{Ask, AskError, DraftJudge, DrawSlot, Reply, Request};
 use crate::text::counted;
 
 /// The bar, whose words are cut to the room beside it before they are shown.
@@ -125,23 +125,13 @@ pub struct Heard<'a> {
     pub line: &'a MovingLine,
 }
 
-impl Heard<'_> {
-    fn heard(&self, request: &Request, ask: impl FnOnce() -> Result<Reply, AskError>) -> Result<Reply, AskError> {
-        let (reply, took) = timed(ask);
+impl Ask for Heard<'_> {
+    fn ask_with(&self, request: &Request, judge: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
+        let (reply, took) = timed(|| self.ask.ask_with(request, judge));
         if took >= SLOW {
             self.line.heard(request, took);
         }
         reply
-    }
-}
-
-impl Ask for Heard<'_> {
-    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
-        self.heard(request, || self.ask.ask(request))
-    }
-
-    fn ask_with(&self, request: &Request, trial: &dyn Trial) -> Result<Reply, AskError> {
-        self.heard(request, || self.ask.ask_with(request, trial))
     }
 }
 

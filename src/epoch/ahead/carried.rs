@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use serde::{Deserialize, Serialize};
 
 use crate::kernel::{Digest, hex};
-use crate::llm::{Ask, AskError, Cassette, DrawSlot, Metadata, Miss, Recorded, Reply, Request};
+use crate::llm::{Ask, AskError, Cassette, DraftJudge, DrawSlot, Metadata, Miss, Recorded, Reply, Request};
 use crate::objects::LineageId;
 
 /// An answer by the key of its question and by its place.
@@ -113,8 +113,14 @@ impl<'a> Carried<'a> {
         recorded.get(*place - 1).copied()
     }
 
-    fn asked_here(&self, models: &dyn Ask, request: &Request, key: Digest) -> Result<Reply, AskError> {
-        let reply = models.ask(request)?;
+    fn asked_here(
+        &self,
+        models: &dyn Ask,
+        request: &Request,
+        judge: Option<&dyn DraftJudge>,
+        key: Digest,
+    ) -> Result<Reply, AskError> {
+        let reply = models.ask_with(request, judge)?;
         let metadata = reply.metadata.clone();
         let answer = RecordedAnswer { metadata, ..RecordedAnswer::of(key, request.slot.clone(), &reply.bytes) };
         self.met.lock().unwrap_or_else(PoisonError::into_inner).asked.insert(key, answer);
@@ -123,7 +129,7 @@ impl<'a> Carried<'a> {
 }
 
 impl Ask for Carried<'_> {
-    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+    fn ask_with(&self, request: &Request, judge: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
         let unkeyed = |error| AskError::Store(format!("a question has no key: {error}"));
         let key = request.key().map_err(unkeyed)?;
         let known = self.by_key.get(&key).copied();
@@ -131,7 +137,7 @@ impl Ask for Carried<'_> {
         let placed = if self.guesses.load(Ordering::Relaxed) { self.at_place(&request.slot) } else { None };
         let bytes = match (known.or(placed).and_then(RecordedAnswer::bytes), self.models) {
             (Some(bytes), _) => bytes,
-            (None, Some(models)) => return self.asked_here(models, request, key),
+            (None, Some(models)) => return self.asked_here(models, request, judge, key),
             (None, None) => {
                 let miss = Miss::plain("the shard", key, request.slot.clone(), "plan the next round");
                 return Err(AskError::Miss(Box::new(miss)));
@@ -197,5 +203,32 @@ mod tests {
             let line = serde_json::to_string(&answer).unwrap();
             assert_eq!(serde_json::from_str::<RecordedAnswer>(&line).unwrap().bytes().unwrap(), bytes);
         }
+    }
+
+    /// Answers with what is said of a draft.
+    struct Tries;
+
+    impl Ask for Tries {
+        fn ask_with(&self, request: &Request, judge: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
+            let bytes = judge.map_or_else(String::new, |judge| judge.tried(b"draft").says).into_bytes();
+            let (request, response) = (request.key().unwrap(), Digest::of_bytes(&bytes));
+            Ok(Reply { request, response, bytes, metadata: None, sealed_metadata: None })
+        }
+    }
+
+    struct Says;
+
+    impl DraftJudge for Says {
+        fn tried(&self, draft: &[u8]) -> crate::llm::Tried {
+            crate::llm::Tried { passes: true, says: format!("{} looked at", String::from_utf8_lossy(draft)) }
+        }
+    }
+
+    #[test]
+    fn who_is_asked_here_may_try_drafts_as_in_a_plain_recording() {
+        let carried = Carried::new(&[], Some(&Tries));
+        let reply = carried.ask_with(&request(0, "what?"), Some(&Says)).unwrap();
+        assert_eq!(reply.bytes, b"draft looked at");
+        assert_eq!(said(&carried, 0, "and without?").unwrap(), "");
     }
 }

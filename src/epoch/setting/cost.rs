@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use crate::llm::{Ask, AskError, Reply, Request, Trial};
+use crate::llm::{Ask, AskError, DraftJudge, Reply, Request};
 use crate::objects::{LineageId, cost::Work};
 
 /// Time since a moment of the caller's choice.
@@ -103,10 +103,9 @@ pub(in crate::epoch) struct Asking<'m, 'a> {
     lineage: &'m LineageId,
 }
 
-impl Asking<'_, '_> {
-    /// How an answer is come by, counted.
-    fn counted(&self, request: &Request, ask: impl FnOnce() -> Result<Reply, AskError>) -> Result<Reply, AskError> {
-        let (reply, took_s) = self.meter.timed(ask);
+impl Ask for Asking<'_, '_> {
+    fn ask_with(&self, request: &Request, judge: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
+        let (reply, took_s) = self.meter.timed(|| self.ask.ask_with(request, judge));
         let said = reply.as_ref().ok().and_then(|reply| reply.metadata.as_ref());
         let tokens = said.map_or((None, None), |metadata| (metadata.input_tokens, metadata.output_tokens));
         self.meter.add(self.lineage, |work| {
@@ -119,16 +118,6 @@ impl Asking<'_, '_> {
             work.cut_prompts += usize::from(said.is_some_and(|said| said.prompt_was_cut(request.prompt_bytes())));
         });
         reply
-    }
-}
-
-impl Ask for Asking<'_, '_> {
-    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
-        self.counted(request, || self.ask.ask(request))
-    }
-
-    fn ask_with(&self, request: &Request, trial: &dyn Trial) -> Result<Reply, AskError> {
-        self.counted(request, || self.ask.ask_with(request, trial))
     }
 }
 
@@ -161,7 +150,7 @@ mod tests {
     struct Says(u64);
 
     impl Ask for Says {
-        fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+        fn ask_with(&self, request: &Request, _: Option<&dyn DraftJudge>) -> Result<Reply, AskError> {
             let metadata =
                 Metadata { input_tokens: Some(self.0), cached_input_tokens: Some(self.0 / 2), ..Metadata::default() };
             let request = request.key().unwrap();

@@ -4,7 +4,7 @@ use serde::Serialize;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
-use super::super::recorded_run::RecordedRun;
+use super::super::recorded_run::{Became, RecordedRun};
 use super::super::tables::{Compared, Estimate, called, compared, held_out_change, is_ram, pooled};
 use super::mechanism;
 use crate::kernel::num;
@@ -261,10 +261,9 @@ fn says_nothing(run: &RecordedRun, verdict: Verdict) -> bool {
 
 /// Scenes in which only the evolved program attacks, and in which only its parent does.
 fn moved(run: &RecordedRun, of: &LineageResult) -> [usize; 2] {
-    let (was, is) = (run.held_out_labels(&of.parent.solution), run.held_out_labels(&of.evolved.solution));
-    let both = is.iter().filter_map(|(scene, label)| Some((was.get(scene)?.attack > 0.0, label.attack > 0.0)));
-    let count = |wanted| both.clone().filter(|of| *of == wanted).count();
-    [count((false, true)), count((true, false))]
+    let outcomes = run.outcomes(of);
+    let count = |wanted| outcomes.values().filter(|became| **became == wanted).count();
+    [count(Became::Gained), count(Became::Lost)]
 }
 
 /// What share of the contacts that count the ego could have avoided, beside its parent's, and how many are rams from behind.
@@ -357,5 +356,15 @@ mod tests {
         // A record without held-out runs has two numbers.
         run.held_out.iter_mut().for_each(|of| of.runs.clear());
         assert_eq!(line(&run).verdict, Verdict::Plain);
+    }
+
+    #[test]
+    fn a_line_says_where_a_program_acts_less_than_its_parent_and_not_where_it_acts_as_much() {
+        let run = crate::evidence::tables::recorded_unseen();
+        let mut result = run.result.unwrap().lineages.remove(0);
+        (result.parent.coverage, result.evolved.coverage) = (1.0, 0.82);
+        assert_eq!(acts(&result), "; it acts in 82 % of them, its parent in 100 %");
+        result.evolved.coverage = 0.96;
+        assert_eq!(acts(&result), "");
     }
 }

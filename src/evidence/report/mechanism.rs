@@ -196,8 +196,7 @@ fn clause(node: &OperatorNode, old: Option<&OperatorNode>) -> String {
         },
         (slot, ..) => {
             let value = |(name, setting): (&String, &Setting)| match setting {
-                Setting::Number(number) => Some(format!("{} {number}", in_words(name))),
-                Setting::Choice(word) => Some(format!("{} {}", in_words(name), in_words(word))),
+                Setting::Number(_) | Setting::Choice(_) => Some(format!("{} {}", in_words(name), setting.in_words())),
                 Setting::Parameter(_) => Some(in_words(name)),
                 Setting::Mechanism(_) => None,
             };

@@ -30,5 +30,5 @@ pub mod why;
 pub mod world_text;
 
 pub use audit::{Finding, Gravity, audit};
-pub use recorded_run::{Became, Declared, OWN_PLANNER, Reading, RecordedRun, RecordedRunError, Setting};
+pub use recorded_run::{Became, Declared, OWN_PLANNER, Reading, RecordedRun, RecordedRunError, RunEvents, Setting};
 pub use unlabelled::unlabelled;

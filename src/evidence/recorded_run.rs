@@ -1,6 +1,8 @@
 //! A recorded run, read back from its transcript: what every report, table and audit starts from.
 
 use std::collections::BTreeMap;
+use std::ops::{Deref, DerefMut};
+use std::sync::Arc;
 
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -24,9 +26,34 @@ pub enum RecordedRunError {
     NotARun,
 }
 
+/// A run as it was recorded. A clone shares its events, which are many, until it is changed: every table and figure takes runs of its
+/// own.
+#[derive(Clone, Debug)]
+pub struct RecordedRun(Arc<RunEvents>);
+
+impl From<RunEvents> for RecordedRun {
+    fn from(events: RunEvents) -> RecordedRun {
+        RecordedRun(Arc::new(events))
+    }
+}
+
+impl Deref for RecordedRun {
+    type Target = RunEvents;
+
+    fn deref(&self) -> &RunEvents {
+        &self.0
+    }
+}
+
+impl DerefMut for RecordedRun {
+    fn deref_mut(&mut self) -> &mut RunEvents {
+        Arc::make_mut(&mut self.0)
+    }
+}
+
 /// All events of a run, typed, in order.
 #[derive(Clone, Debug)]
-pub struct RecordedRun {
+pub struct RunEvents {
     pub opened: Opened,
     pub parents: Vec<ParentAdopted>,
     /// Templates that were composed; empty where no family takes templates.
@@ -71,6 +98,9 @@ pub struct Setting {
     pub simulator: String,
     /// Where the scenes come from.
     pub pool: String,
+    /// Which of them were left out before scenes were drawn; empty where none was.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub left_out: String,
     /// Which contacts are attacks.
     pub reading: String,
     /// What realism is a mean of.
@@ -136,7 +166,7 @@ impl RecordedRun {
             return Err(RecordedRunError::NotARun);
         }
         let root = first.hash;
-        Ok(RecordedRun {
+        Ok(RecordedRun::from(RunEvents {
             opened: body(first)?,
             parents: Vec::new(),
             composed: Vec::new(),
@@ -153,7 +183,7 @@ impl RecordedRun {
             root,
             seed_note: None,
             declared: Declared::default(),
-        })
+        }))
     }
 
     /// An ego as people call it: a planner by its name.

@@ -341,13 +341,22 @@ fn models() -> Vec<Key> {
     ));
     keys.extend(table(
         || Optional,
-        vec![(
-            "models.*.command.files",
-            "",
-            "",
-            Texts { empty: true },
-            "Its files, relative to the file: with them workers of a cluster ask the program.",
-        )],
+        vec![
+            (
+                "models.*.command.files",
+                "",
+                "",
+                Texts { empty: true },
+                "Its files, relative to the file: with them workers of a cluster ask the program.",
+            ),
+            (
+                "models.*.command.tries",
+                "",
+                "",
+                Truth,
+                "Whether the program may try drafts of a patch; false without it.",
+            ),
+        ],
     ));
     keys.extend(table(
         || Of("models.*.kind", LIVE),

@@ -7,7 +7,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{Completion, Metadata, Model, ModelError, Request};
+use super::{Completion, Desk, DraftJudge, Metadata, Model, ModelError, Request, TriedDraft};
 
 /// `[models.<name>.command]`: what is started for each request.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -21,6 +21,9 @@ pub struct CommandOptions {
     /// files travel with the work.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub files: Option<Vec<PathBuf>>,
+    /// Whether the program may try drafts of a patch before it answers: its request names the question then.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub tries: bool,
 }
 
 impl CommandOptions {
@@ -65,8 +68,13 @@ pub enum Ended {
 
 /// Starts programs. Called from many threads.
 pub trait Run: Send + Sync {
-    /// Runs a program to its end with these bytes on its standard input.
-    fn run(&self, program: &[String], input: Vec<u8>, limit: Duration) -> Ended;
+    /// Runs a program to its end with these bytes on its standard input. While it runs, `meanwhile` is done now and then.
+    fn run_beside(&self, program: &[String], input: Vec<u8>, limit: Duration, meanwhile: &mut dyn FnMut()) -> Ended;
+
+    /// The same with nothing to do meanwhile.
+    fn run(&self, program: &[String], input: Vec<u8>, limit: Duration) -> Ended {
+        self.run_beside(program, input, limit, &mut || ())
+    }
 }
 
 /// A model that is a program.
@@ -75,18 +83,26 @@ pub struct Command<'a> {
     /// Who answers, and how: kept with every answer.
     provenance: String,
     run: Box<dyn Run + 'a>,
+    /// Where drafts are tried.
+    desk: Option<Desk>,
 }
 
 impl<R: Run> Run for &R {
-    fn run(&self, program: &[String], input: Vec<u8>, limit: Duration) -> Ended {
-        (**self).run(program, input, limit)
+    fn run_beside(&self, program: &[String], input: Vec<u8>, limit: Duration, meanwhile: &mut dyn FnMut()) -> Ended {
+        (**self).run_beside(program, input, limit, meanwhile)
     }
 }
 
 impl<'a> Command<'a> {
     /// A program, and who starts it.
     pub fn new(options: CommandOptions, provenance: &str, run: impl Run + 'a) -> Command<'a> {
-        Command { options, provenance: provenance.into(), run: Box::new(run) }
+        Command { options, provenance: provenance.into(), run: Box::new(run), desk: None }
+    }
+
+    /// With a folder in which drafts are tried.
+    #[must_use]
+    pub fn with_tries(self, desk: Option<Desk>) -> Command<'a> {
+        Command { desk, ..self }
     }
 
     fn failed(&self, reason: String) -> ModelError {
@@ -100,7 +116,21 @@ impl<'a> Command<'a> {
 
 impl Model for Command<'_> {
     fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
-        let request = json!({
+        self.read(self.started(request, None, &mut || ()), Vec::new())
+    }
+
+    fn complete_with(&self, request: &Request, judge: &dyn DraftJudge) -> Result<Completion, ModelError> {
+        let Some(desk) = &self.desk else { return self.complete(request) };
+        let (ended, tries) =
+            desk.beside(request, judge, |question, meanwhile| self.started(request, Some(question), meanwhile))?;
+        self.read(ended, tries)
+    }
+}
+
+impl Command<'_> {
+    /// Starts the program with a request and waits for its end. `question` is the file by which it tries drafts.
+    fn started(&self, request: &Request, question: Option<&Path>, meanwhile: &mut dyn FnMut()) -> Ended {
+        let mut line = json!({
             "format": "evodrive-command/1",
             "model": request.model.model,
             "sampling": request.model.sampling,
@@ -108,12 +138,19 @@ impl Model for Command<'_> {
             "messages": request.messages,
             "schema": request.schema,
         });
-        let limit = Duration::from_secs(self.options.timeout_s);
-        let mut input = request.to_string().into_bytes();
+        if let Some(question) = question {
+            line["question"] = json!(question);
+        }
+        let mut input = line.to_string().into_bytes();
         input.push(b'\n');
-        match self.run.run(&self.options.program, input, limit) {
+        self.run.run_beside(&self.options.program, input, Duration::from_secs(self.options.timeout_s), meanwhile)
+    }
+
+    /// What its end means.
+    fn read(&self, ended: Ended, tries: Vec<TriedDraft>) -> Result<Completion, ModelError> {
+        match ended {
             Ended::Well(bytes) => {
-                let metadata = Metadata { model: self.provenance.clone(), ..Metadata::default() };
+                let metadata = Metadata { model: self.provenance.clone(), tries, ..Metadata::default() };
                 Ok(Completion { bytes, metadata: Some(metadata) })
             }
             Ended::Badly { code: Some(LACKING), stderr } => {
@@ -154,7 +191,7 @@ mod tests {
     struct Ends(Ended, Mutex<Vec<u8>>);
 
     impl Run for Ends {
-        fn run(&self, _: &[String], input: Vec<u8>, _: Duration) -> Ended {
+        fn run_beside(&self, _: &[String], input: Vec<u8>, _: Duration, _: &mut dyn FnMut()) -> Ended {
             *self.1.lock().unwrap() = input;
             self.0.clone()
         }
@@ -162,7 +199,12 @@ mod tests {
 
     fn asked(ended: Ended) -> (Result<Completion, ModelError>, serde_json::Value) {
         let run = Ends(ended, Mutex::new(vec![]));
-        let options = CommandOptions { program: vec!["my_model".into(), "--quiet".into()], timeout_s: 9, files: None };
+        let options = CommandOptions {
+            program: vec!["my_model".into(), "--quiet".into()],
+            timeout_s: 9,
+            files: None,
+            tries: false,
+        };
         let model = ModelSpec {
             name: "mine".into(),
             kind: "command".into(),

@@ -59,26 +59,25 @@ pub struct Entry {
     pub reply: PathBuf,
 }
 
-/// A folder with questions.
-pub struct Exchange {
+/// A folder with questions, of which drafts are tried.
+pub struct Desk {
     dir: PathBuf,
-    /// Who answers, and how: kept with every answer.
-    provenance: String,
-    pause: Pause,
-    tell: Tell,
     numbers: Mutex<BTreeMap<Digest, u64>>,
-    /// Why one of the questions cannot be answered: no other one is waited for then, since its recording ends.
-    broken: Mutex<Option<ModelError>>,
+    /// Whether each question is written as a page, too.
+    pages: bool,
 }
 
-impl Exchange {
+impl Desk {
+    /// Opens a folder whose questions somebody else is asked: it holds them for drafts alone.
+    pub fn open(dir: &Path) -> Result<Desk, ModelError> {
+        Desk::opened(dir, false)
+    }
+
     /// Opens a folder, which is made where it is not there. What was asked in it keeps its numbers.
-    pub fn open(dir: &Path, provenance: &str, pause: Pause, tell: Tell) -> Result<Exchange, ModelError> {
+    fn opened(dir: &Path, pages: bool) -> Result<Desk, ModelError> {
         store::create_plain_dir(dir).map_err(|error| on_disk(dir, &error))?;
         let known = written(dir)?.into_iter().map(|written| (written.key, written.number)).collect();
-        let numbers = Mutex::new(known);
-        let (dir, provenance, broken) = (dir.to_path_buf(), provenance.into(), Mutex::default());
-        Ok(Exchange { dir, provenance, pause, tell, numbers, broken })
+        Ok(Desk { dir: dir.to_path_buf(), numbers: Mutex::new(known), pages })
     }
 
     /// The number of a question. A new one is written out before it has one.
@@ -102,12 +101,65 @@ impl Exchange {
         };
         let json = serde_json::to_vec_pretty(&written).map_err(|error| on_disk(&self.dir, &error))?;
         // The page first: who sees the JSON finds both.
-        for (ending, bytes) in [(".request.md", page(&written).into_bytes()), (REQUEST, json)] {
+        let page = self.pages.then(|| (".request.md", page(&written).into_bytes()));
+        for (ending, bytes) in page.into_iter().chain([(REQUEST, json)]) {
             let path = self.dir.join(format!("{number}{ending}"));
             store::write_atomic(&path, &bytes).map_err(|error| on_disk(&path, &error))?;
         }
         numbers.insert(key, number);
         Ok(number)
+    }
+
+    /// Says what there is to say of each draft that waits for it.
+    fn judge(&self, number: u64, judge: &dyn DraftJudge) -> Result<(), ModelError> {
+        for Draft { bytes, said } in drafts(&self.dir, number)? {
+            if !store::is_plain_file(&said).map_err(|error| on_disk(&said, &error))? {
+                let text = serde_json::to_vec_pretty(&judge.tried(&bytes)).map_err(|error| on_disk(&said, &error))?;
+                store::write_atomic(&said, &text).map_err(|error| on_disk(&said, &error))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Has drafts judged while somebody answers: `answer` gets the file of the question and something to call now and then. Beside the
+    /// answer come the tries.
+    ///
+    /// # Errors
+    /// The folder cannot be read or written.
+    pub fn beside<T>(
+        &self,
+        request: &Request,
+        judge: &dyn DraftJudge,
+        answer: impl FnOnce(&Path, &mut dyn FnMut()) -> T,
+    ) -> Result<(T, Vec<TriedDraft>), ModelError> {
+        let number = self.number(request)?;
+        let mut looked = Ok(());
+        let answered = answer(&self.dir.join(format!("{number}{REQUEST}")), &mut || {
+            if looked.is_ok() {
+                looked = self.judge(number, judge);
+            }
+        });
+        looked?;
+        Ok((answered, tries(&self.dir, number)?))
+    }
+}
+
+/// A folder with questions, and who waits for their replies.
+pub struct Exchange {
+    desk: Desk,
+    /// Who answers, and how: kept with every answer.
+    provenance: String,
+    pause: Pause,
+    tell: Tell,
+    /// Why one of the questions cannot be answered: no other one is waited for then, since its recording ends.
+    broken: Mutex<Option<ModelError>>,
+}
+
+impl Exchange {
+    /// Opens a folder, which is made where it is not there. What was asked in it keeps its numbers.
+    pub fn open(dir: &Path, provenance: &str, pause: Pause, tell: Tell) -> Result<Exchange, ModelError> {
+        let (desk, provenance) = (Desk::opened(dir, true)?, provenance.into());
+        Ok(Exchange { desk, provenance, pause, tell, broken: Mutex::default() })
     }
 }
 
@@ -136,20 +188,21 @@ impl Exchange {
 
     /// Writes the question out and waits for its reply; drafts are tried while it waits.
     fn awaited(&self, request: &Request, judge: Option<&dyn DraftJudge>) -> Result<Completion, ModelError> {
-        let number = self.number(request)?;
-        let path = self.dir.join(reply_name(number));
+        let number = self.desk.number(request)?;
+        let dir = &self.desk.dir;
+        let path = dir.join(reply_name(number));
         let mut announced = false;
         loop {
             if let Some(bytes) = replied(&path)? {
-                let tries = tries(&self.dir, number)?;
+                let tries = tries(dir, number)?;
                 let metadata = Metadata { model: self.provenance.clone(), tries, ..Metadata::default() };
                 return Ok(Completion { bytes, metadata: Some(metadata) });
             }
             if let Some(judge) = judge {
-                self.judge(number, judge)?;
+                self.desk.judge(number, judge)?;
             }
             if !announced {
-                (self.tell)(&self.dir.join(format!("{number}.request.md")));
+                (self.tell)(&dir.join(format!("{number}.request.md")));
                 announced = true;
             }
             if let Some(error) = &*self.broken() {
@@ -160,17 +213,6 @@ impl Exchange {
                 return Err(ModelError::Unanswerable { reason });
             }
         }
-    }
-
-    /// Says what there is to say of each draft that waits for it.
-    fn judge(&self, number: u64, judge: &dyn DraftJudge) -> Result<(), ModelError> {
-        for Draft { bytes, said } in drafts(&self.dir, number)? {
-            if !store::is_plain_file(&said).map_err(|error| on_disk(&said, &error))? {
-                let text = serde_json::to_vec_pretty(&judge.tried(&bytes)).map_err(|error| on_disk(&said, &error))?;
-                store::write_atomic(&said, &text).map_err(|error| on_disk(&said, &error))?;
-            }
-        }
-        Ok(())
     }
 }
 
@@ -498,17 +540,17 @@ mod tests {
         let mut critic = request(1);
         critic.slot.role = "attack_critic".into();
         for asked in [&request(0), &critic] {
-            exchange.number(asked).unwrap();
+            exchange.desk.number(asked).unwrap();
         }
         let (question, judge) = (dir.path().join("1.request.md"), Braces(AtomicUsize::new(0)));
         for nth in 1..=TRIES_MAX {
             let said = try_draft(&question, format!("{{{nth}").as_bytes()).unwrap();
             assert_eq!(said_of(&said).unwrap(), None, "nobody looked yet");
-            exchange.judge(1, &judge).unwrap();
+            exchange.desk.judge(1, &judge).unwrap();
             assert!(said_of(&said).unwrap().unwrap().passes);
         }
         let known = try_draft(&question, b"{3").unwrap();
-        exchange.judge(1, &judge).unwrap();
+        exchange.desk.judge(1, &judge).unwrap();
         assert!(said_of(&known).unwrap().is_some());
         assert_eq!(judge.0.load(Ordering::Relaxed), TRIES_MAX as usize, "a draft is judged once");
         let refused = |question: &Path| try_draft(question, b"{another").unwrap_err().to_string();

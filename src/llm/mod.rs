@@ -19,7 +19,7 @@ pub use addressed::{Schema, Text};
 pub use cassette::{Cassette, CassetteError, Recorded};
 pub use client::{ClientOptions, IncompleteReplies, SpendCap};
 pub use command::{Command, CommandOptions};
-pub use exchange::Exchange;
+pub use exchange::{Desk, Exchange};
 pub use model::{Completion, DraftJudge, Metadata, Model, ModelError, Tried, TriedDraft};
 pub use record::{Record, RecordMode};
 pub use replay::Replay;

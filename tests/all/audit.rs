@@ -70,8 +70,9 @@ fn each_change_of_the_record_is_found_by_its_check() {
         ("continuity", "admitted no program", |run| {
             let place = first(run, |exit| exit.candidate().is_none());
             let (lineage, epoch) = (run.attempts[place].lineage.clone(), run.attempts[place].epoch);
+            let promoted = Some(run.attempts[place].id.clone());
             let settled = run.settled.iter_mut().find(|s| s.lineage == lineage && s.epoch == epoch).unwrap();
-            settled.promoted = Some(run.attempts[place].id.clone());
+            settled.promoted = promoted;
         }),
         ("epochs", "slots were frozen", |run| drop(run.attempts.remove(1))),
         ("epochs", "frozen was", |run| run.attempts[0].parent_hash = Digest::of_bytes(b"another program")),

@@ -358,6 +358,42 @@ fn a_draft_is_tried_before_it_is_the_answer_and_the_answer_keeps_each_try() {
 }
 
 #[test]
+fn a_program_tries_drafts_of_its_answer_and_is_told_where_only_if_it_wants_to() {
+    let dir = tempfile::tempdir().unwrap();
+    let drafts = dir.path().join("drafts");
+    std::fs::create_dir(&drafts).unwrap();
+    // Two drafts of every question that it may try, and the second again; the second's exit code is the answer.
+    let script = format!(
+        "question=$(sed -n 's/.*\"question\":\"\\([^\"]*\\)\".*/\\1/p'); \
+         [ -n \"$question\" ] || {{ printf nothing; exit; }}; \
+         for draft in one two two; do printf $draft > '{0}'/$$; '{1}' ask \"$question\" '{0}'/$$ > /dev/null; code=$?; done; printf $code",
+        drafts.display(),
+        env!("CARGO_BIN_EXE_evodrive"),
+    );
+    let answers = |name: &str, tries: &str| {
+        let command = format!(
+            "[roles]\nactor = \"me\"\n[models.me]\nkind = \"command\"\nmodel = \"a-script\"\nprovenance = \"sh\"\n\
+             [models.me.command]\nprogram = [\"sh\", \"-c\", {script:?}]\ntimeout_s = 60\n{tries}"
+        );
+        let path = small(dir.path(), name, &command);
+        Ran::of(&mut record(dir.path(), &path, "2")).root();
+        let recorded = Cassette::load(&dir.path().join("mine.jsonl")).unwrap();
+        std::fs::remove_file(dir.path().join("mine.jsonl")).unwrap();
+        let own = recorded.exchanges().iter().filter(|of| of.model.kind == "command").cloned();
+        own.map(|of| (of.bytes, of.metadata.unwrap().tries)).collect::<Vec<_>>()
+    };
+    let tried = answers("tries", "tries = true\n");
+    let two = ["one", "two"].map(|draft| evodrive::kernel::Digest::of_bytes(draft.as_bytes()));
+    assert!(!tried.is_empty());
+    for (bytes, tries) in &tried {
+        assert_eq!(bytes, b"1", "{}", String::from_utf8_lossy(bytes));
+        assert!(tries.iter().map(|of| of.draft).eq(two) && tries.iter().all(|of| !of.passes), "{tries:?}");
+    }
+    let plain = answers("plain", "");
+    assert!(plain.iter().all(|(bytes, tries)| bytes == b"nothing" && tries.is_empty()), "{plain:?}");
+}
+
+#[test]
 fn what_a_provider_said_is_sealed_and_cannot_be_rewritten() {
     let dir = tempfile::tempdir().unwrap();
     let script = "printf '{\"x\": 1}'";

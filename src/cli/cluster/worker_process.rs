@@ -195,10 +195,13 @@ const STDERR_BYTES: usize = 4 << 10;
 /// How often a program that has closed its output is asked whether it has ended.
 const LOOK: Duration = Duration::from_millis(10);
 
+/// How often that is done which is to be done while a program runs.
+const MEANWHILE: Duration = Duration::from_millis(200);
+
 impl Run for Processes {
-    fn run(&self, program: &[String], input: Vec<u8>, limit: Duration) -> Ended {
+    fn run_beside(&self, program: &[String], input: Vec<u8>, limit: Duration, meanwhile: &mut dyn FnMut()) -> Ended {
         match Running::start(program, input) {
-            Ok(running) => running.end(now() + limit, &self.interrupt),
+            Ok(running) => running.end(now() + limit, &self.interrupt, meanwhile),
             Err(reason) => Ended::Unstarted(reason),
         }
     }
@@ -231,14 +234,17 @@ impl Running {
     }
 
     /// What it printed, once it has ended; it is stopped at the deadline, and not long after Ctrl-C.
-    fn end(mut self, deadline: Instant, interrupt: &Interrupt) -> Ended {
+    fn end(mut self, deadline: Instant, interrupt: &Interrupt, meanwhile: &mut dyn FnMut()) -> Ended {
         let left = || deadline.saturating_duration_since(now());
-        let printed = match interrupt.wait(&self.output, Some(deadline)) {
-            Ok(Ok(printed)) => printed,
-            Ok(Err(reason)) => return Ended::Unread(reason),
-            // Dropped, it is killed.
-            Err(Waited::Stopped) => return Ended::Stopped,
-            Err(Waited::Late | Waited::Gone) => return self.late(),
+        let printed = loop {
+            match interrupt.wait(&self.output, Some(deadline.min(now() + MEANWHILE))) {
+                Ok(Ok(printed)) => break printed,
+                Ok(Err(reason)) => return Ended::Unread(reason),
+                // Dropped, it is killed.
+                Err(Waited::Stopped) => return Ended::Stopped,
+                Err(Waited::Late) if !left().is_zero() => meanwhile(),
+                Err(Waited::Late | Waited::Gone) => return self.late(),
+            }
         };
         loop {
             match self.child.try_wait() {

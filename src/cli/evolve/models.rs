@@ -6,10 +6,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::cli::cluster::worker_process::Processes;
-use crate::cli::records::folder::RunFolder;
+use crate::cli::records::folder::{RunFolder, asked_in};
 use crate::cli::terminal::{answer::progress, exit::Failure, interrupt::Interrupt};
 use crate::experiment::{self, Experiment, ModelOptions};
-use crate::llm::{ClientOptions, Command, Exchange, Model, client};
+use crate::llm::{ClientOptions, Command, Desk, Exchange, Model, client};
 #[cfg(feature = "live")]
 use crate::llm::{Completion, ModelError, Request};
 use crate::scripted::Scripted;
@@ -38,7 +38,7 @@ pub fn askable(
             (client::EXCHANGE, ..) => {
                 // A link in its place would have questions written, and replies read, elsewhere.
                 store::create_plain_dir(&folder.exchanges()).map_err(Failure::bad_input)?;
-                Box::new(exchange(&folder.exchange(name, fresh), provenance, interrupt)?)
+                Box::new(exchange(&folder.exchanges().join(asked_in(name, fresh)), provenance, interrupt)?)
             }
             (client::COMMAND, _, Some(command)) => {
                 let at = |file: &Path| {
@@ -46,7 +46,8 @@ pub fn askable(
                     // A run folder, and a cluster's worker, have it among what travels.
                     if beside.exists() { beside } else { folder.planner().join(file) }
                 };
-                Box::new(Command::new(command.placed(at), provenance, Processes::until(interrupt)))
+                let program = Command::new(command.placed(at), provenance, Processes::until(interrupt));
+                Box::new(program.with_tries(command.tries.then(|| desk(folder, name, fresh)).transpose()?))
             }
             // Never asked itself.
             (client::DRAWN, ..) => continue,
@@ -70,6 +71,12 @@ pub fn open_by_default(experiment: &Experiment) -> Option<usize> {
     let through_files =
         |(name, options): (&String, &ModelOptions)| used.contains(name.as_str()) && options.kind == client::EXCHANGE;
     experiment.models.iter().any(through_files).then_some(OPEN)
+}
+
+/// Where a program tries drafts of its answers.
+fn desk(folder: &RunFolder, model: &str, fresh: Option<&str>) -> Result<Desk, Failure> {
+    store::create_plain_dir(&folder.tries()).map_err(Failure::bad_input)?;
+    Desk::open(&folder.tries().join(asked_in(model, fresh))).map_err(Failure::bad_input)
 }
 
 /// A model behind a folder, which tells of each question that waits; nobody waits any more once Ctrl-C was pressed.

@@ -34,7 +34,7 @@ pub struct Coverage {
 }
 
 /// Files and folders that a run may have and that no event speaks for.
-const UNCOVERED: [&str; 13] = [
+const UNCOVERED: [&str; 14] = [
     "run.json",
     "cost.json",
     "report.html",
@@ -43,6 +43,7 @@ const UNCOVERED: [&str; 13] = [
     "rollouts.jsonl",
     "withdrawn.jsonl",
     "exchange",
+    "tries",
     "recording",
     "shards",
     "transcript.before.jsonl",

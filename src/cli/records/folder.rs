@@ -231,13 +231,9 @@ impl RunFolder {
         self.dir.join("exchange")
     }
 
-    /// The folder of one such model; a fresh recording, which has a name, asks in another one.
-    pub fn exchange(&self, model: &str, fresh: Option<&str>) -> PathBuf {
-        let folder = match fresh {
-            None => model.to_string(),
-            Some(recording) => format!("{model}-fresh-{}", recording.chars().take(8).collect::<String>()),
-        };
-        self.exchanges().join(folder)
+    /// Folders of questions of which programs, models of the kind `command`, try drafts.
+    pub fn tries(&self) -> PathBuf {
+        self.dir.join("tries")
     }
 
     /// What live models have used.
@@ -330,7 +326,7 @@ impl RunFolder {
         }
         let mut reading = Reading::default();
         store::each_event_on(&path, threads, &mut |event| reading.add(event))?;
-        let recorded = reading.finish().map_err(|error| match error {
+        let mut recorded = reading.finish().map_err(|error| match error {
             RecordedRunError::NotARun => Failure::corruption(format!(
                 "{}: line 1: expected an `opened` event, found none: {error}; restore the file, or derive it again with `evodrive resume`",
                 path.display()
@@ -338,7 +334,7 @@ impl RunFolder {
             other => Failure::bad_input(format!("{}: {other}", path.display())),
         })?;
         // Other commands complain of an experiment that cannot be read.
-        let declared = self.read_experiment().map_or_else(
+        recorded.declared = self.read_experiment().map_or_else(
             |_| Declared::default(),
             |experiment| Declared {
                 setting: setting::of(&experiment),
@@ -346,7 +342,16 @@ impl RunFolder {
                 archive: Some(experiment.archive),
             },
         );
-        Ok(RecordedRun { declared, seed_note: self.seed_note(), ..recorded })
+        recorded.seed_note = self.seed_note();
+        Ok(recorded)
+    }
+}
+
+/// The folder of one model among such; a fresh recording, which has a name, asks in another one.
+pub fn asked_in(model: &str, fresh: Option<&str>) -> String {
+    match fresh {
+        None => model.to_string(),
+        Some(recording) => format!("{model}-fresh-{}", recording.chars().take(8).collect::<String>()),
     }
 }
 

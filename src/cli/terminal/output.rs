@@ -8,7 +8,7 @@ use crate::cli::terminal::exit::Failure;
 use crate::store;
 
 /// Files and folders that a run folder has of its own.
-const OWN: [&str; 19] = [
+const OWN: [&str; 20] = [
     "run.json",
     "experiment.toml",
     "scenes.pool",
@@ -28,6 +28,7 @@ const OWN: [&str; 19] = [
     "recording",
     "shards",
     "exchange",
+    "tries",
 ];
 /// A folder is a run's if one of these is in it.
 const MARKS: [&str; 2] = ["run.json", "transcript.jsonl"];

@@ -361,7 +361,7 @@ mod tests {
     #[test]
     fn a_line_says_where_a_program_acts_less_than_its_parent_and_not_where_it_acts_as_much() {
         let run = crate::evidence::tables::recorded_unseen();
-        let mut result = run.result.unwrap().lineages.remove(0);
+        let mut result = run.result.clone().unwrap().lineages.remove(0);
         (result.parent.coverage, result.evolved.coverage) = (1.0, 0.82);
         assert_eq!(acts(&result), "; it acts in 82 % of them, its parent in 100 %");
         result.evolved.coverage = 0.96;

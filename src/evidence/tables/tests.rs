@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::*;
 use crate::archive::{ArchiveOptions, PromotionRule};
-use crate::evidence::recorded_run::{Declared, RecordedRun};
+use crate::evidence::recorded_run::{Declared, RecordedRun, RunEvents};
 use crate::kernel::Digest;
 use crate::objects::{
     Attempt, FamilyName, LineageId, Met, Objectives, Origin, ParameterValue, Program, RunOrigin, SceneFailure,
@@ -25,7 +25,7 @@ const SCENES: [&str; 4] = ["s1", "s2", "s3", "s4"];
 pub(in crate::evidence) fn run(name: &str, models: &[(&str, &str)]) -> RecordedRun {
     let digest = Digest::of_bytes(b"any");
     let text = |(role, label): &(&str, &str)| (role.to_string(), label.to_string());
-    RecordedRun {
+    RecordedRun::from(RunEvents {
         opened: Opened {
             name: name.into(),
             experiment: digest,
@@ -61,7 +61,7 @@ pub(in crate::evidence) fn run(name: &str, models: &[(&str, &str)]) -> RecordedR
         root: Digest::of_bytes(name.as_bytes()),
         seed_note: None,
         declared: Declared::default(),
-    }
+    })
 }
 
 fn scripted() -> RecordedRun {

@@ -56,7 +56,7 @@ fn whole() -> Vec<Table> {
         toml::toml! { kind = "command"
         model = "mine-1"
         provenance = "a script"
-        command = { program = ["my_model"], files = ["my_model.py"], timeout_s = 60 } }
+        command = { program = ["my_model"], files = ["my_model.py"], tries = true, timeout_s = 60 } }
         .into(),
     );
     let client = models["claude"].get_mut("client").unwrap().as_table_mut().unwrap();

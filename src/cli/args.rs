@@ -160,7 +160,7 @@ impl Command {
             Command::Fsck(options) => fsck::run(&options),
             Command::Report(options) => report::run(&options, jobs),
             Command::Watch(options) => watch::run(&options, jobs),
-            Command::Claims(options) => claims::run(&options),
+            Command::Claims(options) => claims::run(&options, jobs),
             Command::Paper(options) => paper::run(&options, jobs),
             Command::Figure(options) => figure::run(&options, jobs),
             Command::Table(options) => table::run(&options),

@@ -5,11 +5,13 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use crate::cli::records::{folder::RunFolder, run_name::Runs};
+use crate::cli::records::run_name::Runs;
+use crate::cli::scenes::files::threads;
 use crate::cli::studies::downstream;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::evidence::RecordedRun;
 use crate::evidence::claims::{self, Judgement};
+use crate::kernel::Threads;
 use crate::store;
 
 /// The paper's claims, in a clone of this repository.
@@ -36,13 +38,15 @@ pub enum Format {
     Csv,
 }
 
-pub fn run(options: &Options) -> Result<Answer, Failure> {
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let (file, runs) = match options.file.extension() {
         Some(ending) if ending == "toml" => (options.file.as_path(), options.runs.clone()),
         _ => (Path::new(CLAIMS), options.runs.clone().behind(&options.file)),
     };
-    let recorded_runs = runs.folders()?.iter().map(RunFolder::recorded).collect::<Result<Vec<_>, _>>()?;
-    let verdicts = judged(file, &recorded_runs)?;
+    let threads = threads(jobs)?;
+    let recorded_runs = threads.map(&runs.folders()?, |_, folder| folder.recorded());
+    let recorded_runs = recorded_runs.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let verdicts = judged(file, &recorded_runs, &threads)?;
     let text = match options.format {
         Format::Markdown => claims::markdown(&verdicts),
         Format::Csv => return Ok(Answer::exact(claims::csv(&verdicts), json!(verdicts))),
@@ -51,7 +55,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
 }
 
 /// The claims of a file, judged by these runs.
-pub fn judged(file: &Path, recorded_runs: &[RecordedRun]) -> Result<Judgement, Failure> {
+pub fn judged(file: &Path, recorded_runs: &[RecordedRun], threads: &Threads) -> Result<Judgement, Failure> {
     if !file.exists() {
         let expected = "a file of claims; the paper's is paper/claims.toml of a clone of this repository";
         return Err(Failure::bad_input(format!("{}: no such file, expected {expected}", file.display())));
@@ -68,5 +72,5 @@ pub fn judged(file: &Path, recorded_runs: &[RecordedRun]) -> Result<Judgement, F
             studies.insert(name.clone(), downstream::as_recorded(Path::new(path))?);
         }
     }
-    claims::judge(&read, recorded_runs, &studies).map_err(Failure::bad_input)
+    claims::judge(&read, recorded_runs, &studies, threads).map_err(Failure::bad_input)
 }

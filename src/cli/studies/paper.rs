@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::cli::records::folder::RUNS;
+use crate::cli::scenes::files::threads;
 use crate::cli::studies::paper_runs::{How, Ran, carry_out};
 use crate::cli::studies::paper_sheets::{Numbers, Sheet, files, named_numbers, sheet};
 use crate::cli::studies::{claims, paper_pages};
@@ -110,9 +111,14 @@ fn read_plan(paper: &Path) -> Result<Plan, Failure> {
 
 fn make(plan: &Plan, wanted: &[&Piece], ran: &Ran, options: &Options, jobs: usize) -> Result<Made, Failure> {
     let (mut made, mut shown) = (Made::new(), Vec::new());
-    for piece in wanted {
+    let threads = threads(jobs)?;
+    let sheets = threads.map(wanted, |_, piece| {
         let sheet = sheet(piece, ran, jobs)?;
-        made.extend(files(piece, &sheet)?);
+        Ok::<_, Failure>((files(piece, &sheet)?, sheet))
+    });
+    for (piece, sheet) in wanted.iter().zip(sheets) {
+        let (files, sheet) = sheet?;
+        made.extend(files);
         if let Sheet::Table(table) = sheet {
             shown.push((piece.file.clone(), table));
         }
@@ -121,7 +127,7 @@ fn make(plan: &Plan, wanted: &[&Piece], ran: &Ran, options: &Options, jobs: usiz
         return Ok(made);
     }
     let recorded_runs: Vec<RecordedRun> = ran.recorded_runs.values().cloned().collect();
-    let judged = claims::judged(&options.paper.join("claims.toml"), &recorded_runs)?;
+    let judged = claims::judged(&options.paper.join("claims.toml"), &recorded_runs, &threads)?;
     // Tables that are goldens elsewhere: their numbers are macros like all others.
     let mut others = BTreeMap::new();
     for named in &plan.named {

@@ -4,15 +4,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use crate::cli::evolve::job_args::{JobArgs, RecordArgs, RunArgs};
-use crate::cli::evolve::run::{self, Job};
+use crate::cli::evolve::run;
 use crate::cli::look::figure;
 use crate::cli::records::folder::RunFolder;
+use crate::cli::scenes::files::threads;
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::Failure;
 use crate::cli::terminal::timed;
 use crate::evidence::RecordedRun;
-use crate::evidence::paper::{Piece, Plan};
-use crate::experiment::is_scripted;
+use crate::evidence::paper::{Piece, Plan, PlannedRun};
+use crate::experiment::{Experiment, SceneSource, is_scripted};
+use crate::kernel::{Digest, Threads};
 use crate::store;
 
 /// What stands in the place of a cassette's digest where answers are made anew.
@@ -35,35 +37,67 @@ pub struct Ran {
 /// The runs of these pieces, or of the whole plan.
 pub fn carry_out(plan: &Plan, wanted: &[&Piece], all: bool, how: &How<'_>) -> Result<Ran, Failure> {
     let named: BTreeSet<&str> = wanted.iter().flat_map(|piece| &piece.runs).map(String::as_str).collect();
-    let mut ran = Ran { recorded_runs: BTreeMap::new(), folders: BTreeMap::new(), sources: BTreeMap::new() };
-    let needed = plan.runs.iter().filter(|run| all || named.contains(run.name.as_str()));
+    let needed: Vec<&PlannedRun> = plan.runs.iter().filter(|run| all || named.contains(run.name.as_str())).collect();
+    let threads = threads(how.jobs)?;
+    let (mut folders, mut sources, mut pools) = (BTreeMap::new(), BTreeMap::new(), Pools::default());
     for planned in needed {
-        let job = JobArgs {
-            experiment: PathBuf::from(&planned.experiment),
-            out: how.runs.to_path_buf(),
-            cassette: None,
-            scenes: Vec::new(),
-            set: Vec::new(),
-        };
-        let made = Job::new(&job, how.jobs)?;
-        let folder = RunFolder::of(how.runs, &made.experiment.name, made.experiment.digest()?, made.scenes.digest())?;
-        let cassette = made.cassette(&job);
-        let is_kept = cassette.exists() || !is_scripted(&made.experiment);
+        let experiment = Experiment::read_under(Path::new(&planned.experiment), &[])?;
+        let scenes = pools.digest_of(&experiment, &threads)?;
+        let folder = RunFolder::of(how.runs, &experiment.name, experiment.digest()?, scenes)?;
+        let cassette = experiment.beside(&experiment.cassette);
+        let is_kept = cassette.exists() || !is_scripted(&experiment);
         let cassette = if is_kept { store::digest_of_file(&cassette, 1 << 30)?.to_hex() } else { NOT_KEPT.into() };
         if !how.as_recorded {
             progress(format!("paper: run {} of {}", planned.name, planned.experiment));
-            let (done, took) = timed::timed(|| match is_kept {
-                true => run::run(&RunArgs { job, no_report: true }, how.jobs),
-                false => recorded(job, folder.cassette_beside(), how.jobs),
-            });
+            let (done, took) = timed::timed(|| again(planned, is_kept, &folder, how));
             done?;
             progress(format!("paper: {} took {:.0} s", planned.name, took.as_secs_f64()));
         }
-        ran.recorded_runs.insert(planned.name.clone(), folder.recorded()?);
-        ran.folders.insert(planned.name.clone(), folder);
-        ran.sources.insert(planned.name.clone(), (planned.experiment.clone(), cassette));
+        folders.insert(planned.name.clone(), folder);
+        sources.insert(planned.name.clone(), (planned.experiment.clone(), cassette));
     }
-    Ok(ran)
+    let read = threads.map(&folders.iter().collect::<Vec<_>>(), |_, (name, folder)| {
+        folder.recorded().map(|recorded| (String::clone(name), recorded))
+    });
+    Ok(Ran { recorded_runs: read.into_iter().collect::<Result<_, _>>()?, folders, sources })
+}
+
+/// Digests of the scenes of experiments, of which many share theirs.
+#[derive(Default)]
+struct Pools(BTreeMap<String, Digest>);
+
+impl Pools {
+    fn digest_of(&mut self, experiment: &Experiment, threads: &Threads) -> Result<Digest, Failure> {
+        let made = || Ok::<_, Failure>(experiment.scenes(&[], threads)?.digest());
+        match &experiment.scenes {
+            // Files are named relative to the experiment, so that their names do not say which they are.
+            SceneSource::Files { .. } | SceneSource::Pool { .. } => made(),
+            source @ (SceneSource::Synth { .. } | SceneSource::Safebench { .. }) => {
+                let source = serde_json::to_string(source).map_err(Failure::internal)?;
+                if let Some(known) = self.0.get(&source) {
+                    return Ok(*known);
+                }
+                let digest = made()?;
+                self.0.insert(source, digest);
+                Ok(digest)
+            }
+        }
+    }
+}
+
+/// Carries a run out from its recorded answers and rollouts, or from answers that the scripted model gives again.
+fn again(planned: &PlannedRun, is_kept: bool, folder: &RunFolder, how: &How<'_>) -> Result<Answer, Failure> {
+    let job = JobArgs {
+        experiment: PathBuf::from(&planned.experiment),
+        out: how.runs.to_path_buf(),
+        cassette: None,
+        scenes: Vec::new(),
+        set: Vec::new(),
+    };
+    match is_kept {
+        true => run::run(&RunArgs { job, no_report: true }, how.jobs),
+        false => recorded(job, folder.cassette_beside(), how.jobs),
+    }
 }
 
 /// Carries a run out whose answers nobody keeps, because the scripted model gives them again.

@@ -8,7 +8,7 @@ use super::measure;
 use crate::evidence::downstream;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::evidence::tables::{self, Estimate, RESAMPLES, Row, Table, TableError};
-use crate::kernel::num;
+use crate::kernel::{Threads, num};
 use crate::objects::downstream::Downstream;
 
 /// What recorded runs say of a claim.
@@ -153,13 +153,15 @@ pub fn judge(
     claims: &Claims,
     runs: &[RecordedRun],
     studies: &BTreeMap<String, Downstream>,
+    threads: &Threads,
 ) -> Result<Judgement, ClaimsError> {
-    let mut made: BTreeMap<(String, String), Table> = BTreeMap::new();
+    let asked: Vec<_> = claims.claims.iter().map(|claim| asked_of(claim, claims, runs, studies)).collect();
+    let made = tables_of(&claims.claims, &asked, threads)?;
     let mut judged = Vec::with_capacity(claims.claims.len());
-    for claim in &claims.claims {
-        judged.push(match asked_of(claim, claims, runs, studies) {
+    for (claim, asked) in claims.claims.iter().zip(asked) {
+        judged.push(match asked {
             Err(reason) => untested(claim, reason, None),
-            Ok(of) => one(claim, &of, &mut made)?,
+            Ok(of) => one(claim, &of, &made),
         });
     }
     let tested = correct(&mut judged, claims.level);
@@ -181,6 +183,28 @@ pub fn judge(
         studies: studies.values().map(study).collect(),
         claims: judged,
     })
+}
+
+/// Tables by their name and what they are made of.
+type Made = BTreeMap<(String, String), Table>;
+
+/// The tables that claims name, each made once, side by side: their intervals are what judging costs.
+fn tables_of(claims: &[Claim], asked: &[Result<Asked<'_>, String>], threads: &Threads) -> Result<Made, ClaimsError> {
+    let mut wanted: BTreeMap<(String, String), &Asked<'_>> = BTreeMap::new();
+    for (claim, of) in claims.iter().zip(asked) {
+        if let (Some(table), Some(_), Ok(of)) = (&claim.table, &claim.column, of) {
+            wanted.entry((table.clone(), of.name())).or_insert(of);
+        }
+    }
+    let wanted: Vec<_> = wanted.into_iter().collect();
+    let tables = threads.map(&wanted, |_, ((name, _), of)| of.table(name));
+    let mut made = Made::new();
+    for ((key, _), table) in wanted.into_iter().zip(tables) {
+        if let Some(table) = table? {
+            made.insert(key, table);
+        }
+    }
+    Ok(made)
 }
 
 /// The runs or the study that a claim is asked of, or why there are none.
@@ -236,16 +260,11 @@ fn asked(claim: &Claim) -> String {
     format!("{what} {side} {}", claim.threshold.unwrap_or(0.0))
 }
 
-fn one(claim: &Claim, of: &Asked<'_>, made: &mut BTreeMap<(String, String), Table>) -> Result<Judged, ClaimsError> {
+fn one(claim: &Claim, of: &Asked<'_>, made: &Made) -> Judged {
     let measured = match (&claim.table, &claim.column, &claim.measure) {
         (Some(name), Some(column), _) => {
-            let key = (name.clone(), of.name());
-            if !made.contains_key(&key)
-                && let Some(table) = of.table(name)?
-            {
-                made.insert(key.clone(), table);
-            }
-            made.get(&key).map_or_else(|| Err(format!("no table `{name}`")), |table| cells(claim, table, column))
+            let table = made.get(&(name.clone(), of.name()));
+            table.map_or_else(|| Err(format!("no table `{name}`")), |table| cells(claim, table, column))
         }
         (_, _, Some(name)) => of
             .measured(name, &claim.families)
@@ -254,7 +273,7 @@ fn one(claim: &Claim, of: &Asked<'_>, made: &mut BTreeMap<(String, String), Tabl
         _ => Err("nothing is asked".into()),
     };
     let measured = match measured {
-        Err(reason) => return Ok(untested(claim, reason, Some(of))),
+        Err(reason) => return untested(claim, reason, Some(of)),
         Ok(measured) => measured,
     };
     let mut parts = Vec::with_capacity(measured.len());
@@ -262,7 +281,7 @@ fn one(claim: &Claim, of: &Asked<'_>, made: &mut BTreeMap<(String, String), Tabl
         let threshold = claim.threshold.unwrap_or(0.0);
         let Some([p_for, p_against]) = sides(claim, &estimate, threshold) else {
             let reason = format!("the number of {row} has no interval, because nothing was repeated");
-            return Ok(untested(claim, reason, Some(of)));
+            return untested(claim, reason, Some(of));
         };
         let below = claim.direction == Some(Direction::Below);
         let claimed = paper.filter(|paper| if below { *paper < threshold } else { *paper > threshold });
@@ -274,7 +293,7 @@ fn one(claim: &Claim, of: &Asked<'_>, made: &mut BTreeMap<(String, String), Tabl
     let (p_for, p_against) = (Some(largest), Some((least * parts.len() as f64).min(1.0)));
     let smaller = parts.iter().map(|part| part.p_smaller).collect::<Option<Vec<f64>>>();
     let p_smaller = smaller.map(|all| all.into_iter().fold(0.0, f64::max));
-    Ok(Judged { reason: None, p_for, p_against, p_smaller, parts, ..untested(claim, String::new(), Some(of)) })
+    Judged { reason: None, p_for, p_against, p_smaller, parts, ..untested(claim, String::new(), Some(of)) }
 }
 
 type Found = (String, Estimate, Option<f64>, Option<String>);

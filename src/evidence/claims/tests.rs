@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::evidence::recorded_run::RecordedRun;
 use crate::evidence::tables::tests::{CAT, End, add, run};
+use crate::kernel::Threads;
 
 const FILE: &str = r#"
 level = 0.05
@@ -46,7 +47,7 @@ fn recorded() -> RecordedRun {
 }
 
 fn of(runs: &[RecordedRun], id: &str) -> Judged {
-    let verdicts = judge(&read("claims.toml", FILE).unwrap(), runs, &BTreeMap::new()).unwrap();
+    let verdicts = judge(&read("claims.toml", FILE).unwrap(), runs, &BTreeMap::new(), &Threads::none()).unwrap();
     verdicts.claims.into_iter().find(|claim| claim.id == id).unwrap()
 }
 
@@ -68,14 +69,16 @@ fn a_fall_in_every_scene_is_supported_and_its_parts_can_be_asked_for() {
 
 #[test]
 fn with_parent_and_evolved_swapped_the_claim_fails_and_stands_first() {
-    let verdicts = judge(&read("claims.toml", FILE).unwrap(), &[swapped(recorded())], &BTreeMap::new()).unwrap();
+    let verdicts =
+        judge(&read("claims.toml", FILE).unwrap(), &[swapped(recorded())], &BTreeMap::new(), &Threads::none()).unwrap();
     assert_eq!((verdicts.claims[0].id.as_str(), verdicts.claims[0].verdict), ("realism", Verdict::NotSupported));
     let text = markdown(&verdicts);
     assert!(text.find("## Not supported") < text.find("## Not testable here"), "{text}");
     assert!(text.contains("scripted stand-in") && text.contains("one seed of every search, so that its intervals"));
     let mut repeated = recorded();
     repeated.result.as_mut().unwrap().lineages[0].replica = 1;
-    let text = markdown(&judge(&read("claims.toml", FILE).unwrap(), &[repeated], &BTreeMap::new()).unwrap());
+    let text =
+        markdown(&judge(&read("claims.toml", FILE).unwrap(), &[repeated], &BTreeMap::new(), &Threads::none()).unwrap());
     assert!(!text.contains("one seed of every search"), "{text}");
 }
 
@@ -96,7 +99,8 @@ fn an_effect_that_is_surely_less_than_the_papers_is_called_smaller_and_one_that_
         let evolved = std::array::from_fn(|scene| at(before[scene] + change[scene]));
         add(&mut recorded, &End { parent: before.map(at), evolved: Some(evolved), ..CAT });
         let file = FILE.replace("metadrive-policy", "metadrive-main");
-        let verdicts = judge(&read("claims.toml", &file).unwrap(), &[recorded], &BTreeMap::new()).unwrap();
+        let verdicts =
+            judge(&read("claims.toml", &file).unwrap(), &[recorded], &BTreeMap::new(), &Threads::none()).unwrap();
         (verdicts.claims.iter().find(|claim| claim.id == "realism").unwrap().clone(), markdown(&verdicts))
     };
     // The paper has 6.81 points less; here it is none, and 0.1 or 20 points to either side.
@@ -159,7 +163,7 @@ fn runs_of_several_experiments_answer_together() {
     let file =
         FILE.replace("made = \"made\"", "made = [\"made\", \"other\"]").replace("metadrive-policy", "metadrive-main");
     let of = |runs: &[RecordedRun]| {
-        let verdicts = judge(&read("claims.toml", &file).unwrap(), runs, &BTreeMap::new()).unwrap();
+        let verdicts = judge(&read("claims.toml", &file).unwrap(), runs, &BTreeMap::new(), &Threads::none()).unwrap();
         verdicts.claims.into_iter().find(|claim| claim.id == "realism").unwrap()
     };
     let alone = of(&[recorded()]);
@@ -170,6 +174,7 @@ fn runs_of_several_experiments_answer_together() {
         &read("claims.toml", &FILE.replace("metadrive-policy", "metadrive-main")).unwrap(),
         &[recorded()],
         &BTreeMap::new(),
+        &Threads::none(),
     );
     let one = one.unwrap().claims.into_iter().find(|claim| claim.id == "realism").unwrap().parts[0].estimate.value;
     let both = of(&[recorded(), swapped(other)]).parts[0].estimate.value;

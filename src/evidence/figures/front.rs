@@ -49,13 +49,15 @@ struct Panel {
 
 /// A panel a generator; of all, or of the lineages that are named.
 pub fn front(runs: &[RecordedRun], named: &[LineageId]) -> Result<Figure, FigureError> {
-    let mut own = runs.to_vec();
-    let known: Vec<String> = own.iter().flat_map(|run| &run.parents).map(|of| of.lineage.to_string()).collect();
+    let known: Vec<String> = runs.iter().flat_map(|run| &run.parents).map(|of| of.lineage.to_string()).collect();
     if let Some(wanted) = named.iter().find(|wanted| !known.contains(&wanted.to_string())) {
         return Err(FigureError::NoLineage { wanted: wanted.clone(), known });
     }
-    for result in own.iter_mut().filter_map(|run| run.result.as_mut()).filter(|_| !named.is_empty()) {
-        result.lineages.retain(|of| named.contains(&of.lineage));
+    let mut own = runs.to_vec();
+    if !named.is_empty() {
+        for result in own.iter_mut().filter_map(|run| run.result.as_mut()) {
+            result.lineages.retain(|of| named.contains(&of.lineage));
+        }
     }
     let all = placed(&own)?;
     let several = all.iter().any(|of| of.policy != all[0].policy);

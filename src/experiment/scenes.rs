@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{Experiment, ExperimentError, SceneSource};
-use crate::formats::summary::{self, BesideRoutes, FileScenes, HEAD_BYTES, Part, SameId};
+use crate::formats::summary::{self, BesideRoutes, FileScenes, HEAD_BYTES, Part, Reading};
 use crate::kernel::{Seed, Threads};
 use crate::scene::{Pool, Scene, pool};
 use crate::store;
@@ -52,14 +52,14 @@ fn unusable(error: impl std::fmt::Display) -> ExperimentError {
 /// # Errors
 /// Files that cannot be read, nothing that can be imported, two pools with different scenes of one id.
 pub fn read_scenes(paths: &[PathBuf], threads: &Threads) -> Result<Pool, ExperimentError> {
-    read_scenes_as(paths, SameId::LeftOut, threads)
+    read_scenes_as(paths, Reading::default(), threads)
 }
 
-/// [`read_scenes`], with what becomes of a scene of a file whose id a scene of another file has.
+/// [`read_scenes`], with how files are read.
 ///
 /// # Errors
 /// As [`read_scenes`].
-pub fn read_scenes_as(paths: &[PathBuf], same_id: SameId, threads: &Threads) -> Result<Pool, ExperimentError> {
+pub fn read_scenes_as(paths: &[PathBuf], reading: Reading, threads: &Threads) -> Result<Pool, ExperimentError> {
     let is_pool = |path: &&PathBuf| path.extension().is_some_and(|end| end == "pool");
     let (pools, files): (Vec<&PathBuf>, Vec<&PathBuf>) = paths.iter().partition(is_pool);
     let mut read = Vec::new();
@@ -69,7 +69,7 @@ pub fn read_scenes_as(paths: &[PathBuf], same_id: SameId, threads: &Threads) -> 
     if !files.is_empty() {
         let names: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
         let files: Vec<PathBuf> = files.into_iter().cloned().collect();
-        read.push((names.join(", "), import(&files, same_id, threads)?));
+        read.push((names.join(", "), import(&files, reading, threads)?));
     }
     Ok(Pool::merged(read).map_err(unusable)?.0)
 }
@@ -126,7 +126,7 @@ fn nothing_in(folders: &[PathBuf], others: &[PathBuf]) -> ExperimentError {
 
 /// Imports files and folders. What cannot be used is left out with its reason; nothing usable at all is an error. A
 /// thread has one file in memory at a time.
-fn import(paths: &[PathBuf], same_id: SameId, threads: &Threads) -> Result<Pool, ExperimentError> {
+fn import(paths: &[PathBuf], reading: Reading, threads: &Threads) -> Result<Pool, ExperimentError> {
     let mut files: Vec<(String, PathBuf)> = Vec::new();
     let mut others: Vec<PathBuf> = Vec::new();
     for path in paths {
@@ -155,10 +155,10 @@ fn import(paths: &[PathBuf], same_id: SameId, threads: &Threads) -> Result<Pool,
         beside
     });
     let read = threads.map(&files, |_, (name, path)| match bytes_of(path) {
-        Ok(bytes) => summary::read_file(name, &bytes, beside.as_ref()),
+        Ok(bytes) => summary::read_file(name, &bytes, beside.as_ref(), reading.times),
         Err(error) => FileScenes::left_out(name, error.to_string()),
     });
-    let summary = summary::summed(files.into_iter().map(|(name, _)| name).zip(read), same_id);
+    let summary = summary::summed(files.into_iter().map(|(name, _)| name).zip(read), reading.same_id);
     if summary.scenes.is_empty() {
         let reasons: Vec<String> = summary.left_out.iter().map(|l| format!("  {}: {}", l.file, l.reason)).collect();
         return Err(unusable(format!("no scene could be imported:\n{}", reasons.join("\n"))));

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::derived::{self, Derived};
 use super::import_error::shown;
 use super::levels;
-use super::log::{Log, LogLight, LogTrack, Parts};
+use super::log::{Log, LogLight, LogTrack, ON_GRID_WITHIN_S, Parts};
 use super::log_map::{Index, on_the_map, outlines, road, stop_signs};
 use super::resample::{State, resample};
 use super::sizes;
@@ -14,8 +14,6 @@ use crate::kernel::{Vec2, num};
 use crate::scene::validate::{SPEED_MAX_MPS, WAY_MAX_M};
 use crate::scene::{AgentKind, DT_S, Ego, LeftOut, Light, LightState, Road, Sample, Scene, Track};
 
-/// A sample time at most this far from the 0.1 s grid counts as lying on it, seconds.
-const ON_GRID_WITHIN_S: f64 = 0.02;
 /// Most samples of all road users and states of all lights, after resampling.
 const SAMPLES_MAX: usize = 4_000_000;
 const LANES_MAX: usize = 50_000;

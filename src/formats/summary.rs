@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use super::import_error::ImportError;
 use super::imported::Imported;
+use super::log::SampleTimes;
 use super::scenarionet::pickle::is_headless;
 use super::scenarionet::{DATA_SET_FILES, pickle_name};
 use super::waymo::tfrecord::Records;
@@ -91,7 +92,7 @@ pub struct FileScenes {
 
 /// Reads one file of a list. `beside` holds the files that routes need, if the list has routes. A bad file gives no
 /// scene, and the reason is in `left_out`.
-pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>) -> FileScenes {
+pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>, times: SampleTimes) -> FileScenes {
     let imported = match (part(bytes), beside) {
         // Such a file gives no scene, only the reason if it could not be read.
         (Part::Beside, Some(beside)) => {
@@ -99,7 +100,7 @@ pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>) -> Fil
             read.cloned().unwrap_or_else(|| Ok(Imported::default()))
         }
         (Part::Routes, Some(beside)) => safebench::import(name, bytes, &beside.found),
-        _ => import_file(name, bytes),
+        _ => import_file(name, bytes, times),
     };
     let mut imported = match imported {
         Ok(imported) => imported,
@@ -138,6 +139,15 @@ pub enum SameId {
     LeftOut,
     /// It gets a name of its own: with its file's behind it.
     Renamed,
+}
+
+/// How files are read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Reading {
+    /// What becomes of a scene whose id a different scene has.
+    pub same_id: SameId,
+    /// How the times of samples are taken, of formats that have times.
+    pub times: SampleTimes,
 }
 
 /// Puts the results of files together, in the files' order. Of two scenes with one id the first is taken, and the other
@@ -210,7 +220,7 @@ pub fn import_files<N: AsRef<str>, B: AsRef<[u8]>>(files: &[(N, B)]) -> ImportSu
     });
     let read = |(name, bytes): &(N, B)| {
         let name = name.as_ref();
-        (name.to_string(), read_file(name, bytes.as_ref(), beside.as_ref()))
+        (name.to_string(), read_file(name, bytes.as_ref(), beside.as_ref(), SampleTimes::Recorded))
     };
     summed(files.iter().map(read), SameId::LeftOut)
 }
@@ -227,7 +237,7 @@ fn has_root(bytes: &[u8], element: &[u8]) -> bool {
 }
 
 /// Imports one file of any format. The format is recognised by the content, never by the name.
-pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
+pub fn import_file(file: &str, bytes: &[u8], times: SampleTimes) -> Result<Imported, ImportError> {
     let head = &bytes[..bytes.len().min(HEAD_BYTES)];
     let holds = |needle: &[u8]| head.windows(needle.len()).any(|window| window == needle);
     let first = head.iter().find(|b| !b.is_ascii_whitespace() && !matches!(b, 0xef | 0xbb | 0xbf));
@@ -250,7 +260,7 @@ pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     }
     let marked = bytes.strip_prefix(b"\xef\xbb\xbf");
     if [bytes, marked.unwrap_or(bytes)].iter().any(|from| from.first() == Some(&0x80)) || is_headless(bytes) {
-        return scenarionet::import(file, bytes);
+        return scenarionet::import_timed(file, bytes, times);
     }
     if matches!(bytes, [0xff, 0xfe, ..] | [0xfe, 0xff, ..]) {
         let remedy = "save it as UTF-8; a pickle or a record file is no text: fetch it again as binary";
@@ -267,7 +277,7 @@ pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     let described = [b"\"map_features\"".as_slice(), b"\"dynamic_map_states\"", b"\"sdc_id\""].into_iter().any(holds)
         || (holds(b"\"tracks\"") || holds(b"\"version\"") && holds(b"\"length\"")) && !holds(b"\"objects\"");
     if first == Some(&b'{') && described {
-        return scenarionet_json::import(file, bytes);
+        return scenarionet_json::import_timed(file, bytes, times);
     }
     if first == Some(&b'{') {
         if safebench::looks_like_scenarios(head) {
@@ -277,7 +287,7 @@ pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
         return gpudrive::import(file, bytes);
     }
     if Records::looks_like(bytes) {
-        return waymo::import(file, bytes);
+        return waymo::import_timed(file, bytes, times);
     }
     let remedy = "see `evodrive scenes import --help` for the formats that are read";
     Err(ImportError::new(file, "byte 0", "a scene file of a known format", remedy))

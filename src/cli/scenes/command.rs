@@ -10,7 +10,8 @@ use crate::cli::scenes::{best, draw, export, pools, readable, show};
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::experiment::{self, Experiment};
-use crate::formats::summary::SameId;
+use crate::formats::log::SampleTimes;
+use crate::formats::summary::{Reading, SameId};
 use crate::scene::stats::PoolStats;
 use crate::text::counted;
 
@@ -56,6 +57,10 @@ pub struct ImportOptions {
     /// Take a scene of a file also where a different scene has its id: under its id and its file's name.
     #[arg(long)]
     pub keep_both: bool,
+    /// Take the samples of ScenarioNet and Waymo files as 0.1 s apart whatever their times are, to compare with tools that
+    /// ignore these.
+    #[arg(long)]
+    pub ignore_times: bool,
     /// Pool file to write.
     #[arg(long)]
     pub out: PathBuf,
@@ -118,7 +123,13 @@ fn import(options: &ImportOptions, jobs: usize) -> Result<Answer, Failure> {
     let paths: Vec<PathBuf> = options.paths.iter().chain(&options.towns).cloned().collect();
     let threads = threads(jobs)?;
     let same_id = if options.keep_both { SameId::Renamed } else { SameId::LeftOut };
-    written(&experiment::read_scenes_as(&paths, same_id, &threads)?, &options.out, options.output, &threads)
+    let times = if options.ignore_times { SampleTimes::Ignored } else { SampleTimes::Recorded };
+    written(
+        &experiment::read_scenes_as(&paths, Reading { same_id, times }, &threads)?,
+        &options.out,
+        options.output,
+        &threads,
+    )
 }
 
 fn generate(options: &GenerateOptions, jobs: usize) -> Result<Answer, Failure> {

@@ -11,7 +11,7 @@ use super::derived::kind_named;
 use super::import_error::{ImportError, shown};
 use super::imported::Imported;
 use super::json_numbers::{number, numbers, without_nan};
-use super::log::{Log, LogLane, LogLight, LogTrack};
+use super::log::{Log, LogLane, LogLight, LogTrack, SampleTimes};
 use super::scenarionet::read::finish;
 use crate::kernel::{Vec2, num};
 use crate::scene::validate::STEPS_MAX;
@@ -182,7 +182,7 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     roads(file_name, &file.roads, &mut log, &mut imported);
     log.lights = signals(file_name, &file.tl_states, &log, steps, &mut imported);
     let chosen = log.tracks[ego].id.clone();
-    finish(file_name, log, &mut imported);
+    finish(file_name, log, SampleTimes::Recorded, &mut imported);
     if marked.is_none() {
         let reason =
             "the file marks no ego; taken is the vehicle observed for most steps, of equals the farthest driven";

@@ -497,11 +497,14 @@ fn a_million_faults_are_counted_after_the_first_thousand() {
 
 #[test]
 fn of_two_scenes_with_one_id_both_are_taken_where_that_is_asked_for() {
+    use crate::formats::log::SampleTimes;
     use crate::formats::summary::{SameId, read_file, summed};
     let bytes = |from: f64| text(&described(|s| s["tracks"]["2"]["state"]["position"][0][1] = json!(from)));
     let files = [("a.json", 0.5), ("b.json", 0.6), ("sub.b.json", 0.7), ("b.json", 0.8), ("c.json", 0.5)];
     let read = |same_id| {
-        let read = files.iter().map(|(name, from)| (name.to_string(), read_file(name, &bytes(*from), None)));
+        let read = files
+            .iter()
+            .map(|(name, from)| (name.to_string(), read_file(name, &bytes(*from), None, SampleTimes::Recorded)));
         summed(read, same_id)
     };
     let left_out = read(SameId::LeftOut);
@@ -512,4 +515,24 @@ fn of_two_scenes_with_one_id_both_are_taken_where_that_is_asked_for() {
     assert_eq!(ids, ["described", "described@b", "described@sub", "described@b-2"]);
     assert_eq!(both.left_out.iter().filter(|left| left.is_kept()).count(), 3);
     assert!(both.left_out[3].reason.contains("the same scene was already read from a.json"), "{:?}", both.left_out);
+}
+
+#[test]
+fn times_of_a_description_are_not_read_where_that_is_asked_for() {
+    use crate::formats::log::SampleTimes;
+    use crate::formats::summary::import_file;
+    let slow = |s: &mut Value| {
+        for time in s["metadata"]["ts"].as_array_mut().unwrap() {
+            *time = json!(1.5 * time.as_f64().unwrap());
+        }
+    };
+    let (even, slow) = (described(|_| ()), described(slow));
+    for bytes in [text as fn(&Value) -> Vec<u8>, pickled] {
+        let read = |of: &Value, times| import_file("s", &bytes(of), times).unwrap();
+        let (plain, ignored) = (read(&even, SampleTimes::Recorded), read(&slow, SampleTimes::Ignored));
+        assert_eq!(ignored.scenes, plain.scenes);
+        assert!(ignored.left_out.iter().any(|part| part.reason.starts_with("they were not read")));
+        assert_eq!(read(&even, SampleTimes::Ignored), plain);
+        assert_ne!(read(&slow, SampleTimes::Recorded).scenes, plain.scenes);
+    }
 }

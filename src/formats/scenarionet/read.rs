@@ -6,7 +6,7 @@ use crate::formats::centreline::{Across, widths_within};
 use crate::formats::derived::kind_named;
 use crate::formats::import_error::{ImportError, shown};
 use crate::formats::imported::Imported;
-use crate::formats::log::{Log, LogLane, LogLight, LogTrack};
+use crate::formats::log::{Log, LogLane, LogLight, LogTrack, SampleTimes};
 use crate::formats::speed_limit::limit_mps;
 use crate::kernel::{Vec2, num};
 use crate::scene::validate::{SPEED_MAX_MPS, STEPS_MAX, how_many};
@@ -65,8 +65,13 @@ pub(super) fn log_of(
 }
 
 /// Adds a log as a scene, or as something left out.
-pub(in crate::formats) fn finish(file_name: &str, log: Log, imported: &mut Imported) {
+pub(in crate::formats) fn finish(file_name: &str, log: Log, times: SampleTimes, imported: &mut Imported) {
     let id = log.id.clone();
+    let (log, differ) = log.timed(times);
+    if differ {
+        let reason = "they were not read: each sample counts as 0.1 s after the one before it";
+        imported.leave_out(file_name, || (LeftOut::SAMPLE_TIMES.into(), reason.into()));
+    }
     match assembled(log) {
         Err(reason) => imported.leave_out(file_name, || (id, reason)),
         Ok((scene, parts)) => {

@@ -12,7 +12,7 @@ use super::centreline::{Across, thinned};
 use super::gpudrive::waymo_light_state;
 use super::import_error::ImportError;
 use super::imported::Imported;
-use super::log::{Log, LogLane, LogLight, LogTrack};
+use super::log::{Log, LogLane, LogLight, LogTrack, SampleTimes};
 use super::scenarionet::read::finish;
 use crate::kernel::{Vec2, num};
 use crate::scene::validate::STEPS_MAX;
@@ -211,13 +211,21 @@ pub struct BoundarySegment {
 /// # Errors
 /// The first record is already damaged, or there is none.
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
+    import_timed(file_name, bytes, SampleTimes::Recorded)
+}
+
+/// [`import`] with the times of samples taken so.
+///
+/// # Errors
+/// As [`import`].
+pub fn import_timed(file_name: &str, bytes: &[u8], times: SampleTimes) -> Result<Imported, ImportError> {
     if bytes.is_empty() {
         return Err(ImportError::new(file_name, "byte 0", "a record", "the file is empty; fetch it again"));
     }
-    read(file_name, bytes, FILE_PARTS_MAX)
+    read(file_name, bytes, times, FILE_PARTS_MAX)
 }
 
-fn read(file_name: &str, bytes: &[u8], parts_max: usize) -> Result<Imported, ImportError> {
+fn read(file_name: &str, bytes: &[u8], times: SampleTimes, parts_max: usize) -> Result<Imported, ImportError> {
     let mut imported = Imported::default();
     let mut parts = 0usize;
     for (index, record) in Records::of(file_name, bytes).enumerate() {
@@ -240,7 +248,7 @@ fn read(file_name: &str, bytes: &[u8], parts_max: usize) -> Result<Imported, Imp
         match data.and_then(|data| scenario(file_name, index, data, &mut one)) {
             Ok(log) => {
                 let (steps, things) = (log.times_s.len(), log.tracks.len() + log.lights.len());
-                finish(file_name, log, &mut one);
+                finish(file_name, log, times, &mut one);
                 parts = parts.saturating_add(one.scenes.iter().map(map_points).sum());
                 let steps = one.scenes.iter().map(|scene| scene.steps).fold(steps.max(PART_MIN), usize::max);
                 parts = parts.saturating_add(steps.saturating_mul(things));
@@ -479,6 +487,10 @@ pub(super) mod tests {
     use super::tfrecord::written;
     use super::*;
 
+    fn read(file_name: &str, bytes: &[u8], parts_max: usize) -> Result<Imported, ImportError> {
+        super::read(file_name, bytes, SampleTimes::Recorded, parts_max)
+    }
+
     fn points(from: (f64, f64), to: (f64, f64)) -> Vec<MapPoint> {
         let at = |k: usize, a: f64, b: f64| a + (b - a) * k as f64 / 100.0;
         (0..=100).map(|k| MapPoint { x: at(k, from.0, to.0), y: at(k, from.1, to.1) }).collect()
@@ -634,6 +646,24 @@ pub(super) mod tests {
         assert!(
             track.samples.iter().flatten().count() > 80 && imported.left_out[1].what.ends_with("samples of track 1")
         );
+    }
+
+    #[test]
+    fn times_that_are_not_read_move_nothing_and_are_told() {
+        let (even, mut late) = (message(), message());
+        late.timestamps_seconds = (0..91).map(|k| 0.14 * f64::from(k)).collect();
+        let read = |message: &Scenario, times| {
+            import_timed("f.tfrecord", &written(&[message.encode_to_vec()]), times).unwrap()
+        };
+        let (plain, ignored) = (read(&even, SampleTimes::Recorded), read(&late, SampleTimes::Ignored));
+        assert_eq!(ignored.scenes, plain.scenes);
+        assert!(
+            ignored.left_out.iter().any(|part| part.reason.starts_with("they were not read")),
+            "{:?}",
+            ignored.left_out
+        );
+        assert_eq!(read(&even, SampleTimes::Ignored), plain, "what lies on the grid is read as ever");
+        assert_ne!(read(&late, SampleTimes::Recorded).scenes, plain.scenes);
     }
 
     #[test]

@@ -14,6 +14,8 @@ function shownAttempts() {
   const nothing = (v) => v === null || v === undefined;
   return shown.map((a, i) => [by(a), i, a]).sort(([x, i], [y, j]) => nothing(x) - nothing(y) || (x < y ? -1 : x > y ? 1 : i - j)).map(([, , a]) => a);
 }
+// What is open until the reader chooses: of attempts that are shown in short there is nothing to read.
+const firstOf = (shown) => shown.find((a) => !a.in_short) || shown[0];
 let attemptList = null;
 function drawAttempts() {
   const page = byId("attempts"), narrow = matchMedia("(max-width: 860px)").matches;
@@ -37,14 +39,14 @@ function drawAttempts() {
 }
 function updateAttempts() {
   for (const key of ["q", "lineage", "family", "exit", "met", "sort"]) { const field = byId(`filter-${key}`); if (field && field.value !== (state[key] || "")) field.value = state[key] || ""; }
-  const shown = shownAttempts(), open = attemptOf(state.attempt) || shown[0];
+  const shown = shownAttempts(), open = attemptOf(state.attempt) || firstOf(shown);
   byId("filter-count").textContent = `${shown.length} of ${data.attempts.length}`;
   attemptList.put(shown);
   attemptList.reveal(shown.findIndex((a) => open && a.id === open.id));
   byId("attempt-detail").replaceChildren(open ? detail(open) : note("No attempt is like that."));
 }
 function attemptRow(a) {
-  const [kind, colour] = SIGNS[standing(a)], open = attemptOf(state.attempt) ? a.id === state.attempt : a.id === (shownAttempts()[0] || {}).id;
+  const [kind, colour] = SIGNS[standing(a)], open = a.id === (attemptOf(state.attempt) || firstOf(shownAttempts()) || {}).id;
   return el("a", { class: open ? "row open" : "row", role: "option", "aria-selected": String(open), href: address({ attempt: a.id }), onclick: (e) => { if (!e.ctrlKey && !e.metaKey) { e.preventDefault(); go({ attempt: a.id }); } } },
     small(kind, colour), el("span", { class: "row-head" }, el("code", {}, a.id), " ", el("span", { class: "row-state" }, standing(a)), a.objectives ? el("span", { class: "row-numbers" }, `A ${fixed(a.objectives.attack, 3)}  R ${fixed(a.objectives.realism, 3)}`) : null), el("span", { class: "row-words" }, a.hypothesis || a.reason || (a.in_short ? "in short" : "")));
 }

@@ -8,8 +8,11 @@ function mark() {
     if (open) { a.setAttribute("aria-current", "page"); a.parentNode.scrollLeft = a.offsetLeft - a.parentNode.clientWidth / 2 + a.offsetWidth / 2; } else a.removeAttribute("aria-current");
   }
 }
-// Tabs fade where more of them lie beyond the edge.
-function fade() { const nav = document.querySelector("nav"); nav.classList.toggle("fades", nav.scrollLeft + nav.clientWidth < nav.scrollWidth - 2); }
+// Tabs fade where more of them lie beyond an edge.
+function fade() {
+  const nav = document.querySelector("nav"), beyond = { "fades-right": nav.scrollLeft + nav.clientWidth < nav.scrollWidth - 2, "fades-left": nav.scrollLeft > 2 };
+  for (const [edge, is] of Object.entries(beyond)) nav.classList.toggle(edge, is);
+}
 function show() {
   const before = state.tab;
   readState();

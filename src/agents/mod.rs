@@ -2,6 +2,7 @@
 //! template agent for descriptions and the world agent for the evaluator, with their prompts, reply schemas and strict parser. It is the only room that asks
 //! a model.
 
+mod closed_schema;
 pub mod compose;
 mod contract_text;
 pub mod counsel;

@@ -11,6 +11,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
+    closed_schema::{Shown, Surface, closed},
     examples::{Examples, examples},
     findings::{self, Findings},
     history::PastEdit,
@@ -23,8 +24,8 @@ use super::{
 };
 use crate::{
     adapters::{ADAPTER_VERSION, Contract},
-    kernel::num,
-    llm::{DrawSlot, Message, ModelSpec, Request, Schema, Text},
+    kernel::{canon::CanonError, num},
+    llm::{DrawSlot, Message, ModelSpec, Request, ResponseFormat, Schema, Text},
     objects::{Advice, Card, CardKind, LineageId, Program, ProgramPatch, Review, Role, Slot},
 };
 
@@ -98,7 +99,10 @@ pub struct Omitted {
 /// The message that stands first in every question to the roles that evolve programs of a family: words, objectives, language,
 /// examples, contract.
 #[derive(Clone, Debug)]
-pub struct Handbook(Text);
+pub struct Handbook {
+    text: Text,
+    surface: Surface,
+}
 
 impl Handbook {
     /// Writes the handbook out.
@@ -122,12 +126,18 @@ impl Handbook {
             "foreign_vocabulary": stable_json(&json!(foreign_vocabulary.join(" "))),
             "detail": detail.map(|detail| json!({"search": detail.search, "around": detail.around, "ego": detail.ego})),
         });
-        Ok(Handbook(fill("handbook.md", &blocks)?.into()))
+        let surface = Surface {
+            contract: contract.clone(),
+            rules: !omitted.rules,
+            modules: !omitted.modules,
+            fixed_bodies: measures.fixed_bodies,
+        };
+        Ok(Handbook { text: fill("handbook.md", &blocks)?.into(), surface })
     }
 
     /// Its text.
     pub fn text(&self) -> &Text {
-        &self.0
+        &self.text
     }
 }
 
@@ -140,6 +150,8 @@ pub struct Briefing {
     text: Text,
     /// What a patch repeats of its parent: member of the reply -> value.
     repeats: BTreeMap<&'static str, String>,
+    /// The schemas of patches closed over this question, for models that are held to them.
+    closed: BTreeMap<Role, Schema>,
 }
 
 impl Briefing {
@@ -179,7 +191,15 @@ impl Briefing {
             ("parent_solution_id", context.parent.solution_id.to_string()),
             ("parent_program_hash", context.parent_hash.to_hex()),
         ]);
-        Ok(Briefing { lineage: context.lineage.to_string(), epoch: context.epoch, handbook, text, repeats })
+        let clusters = context.clusters.iter().map(|cluster| cluster.name.as_str()).collect();
+        let shown = Shown { repeats: &repeats, memory: context.memory, clusters };
+        let closed_for = |role: Role| {
+            let schema = closed(role, &context.handbook.surface, context.parent, &shown);
+            let refused = |error: CanonError| PromptError { template: role_template(role), reason: error.to_string() };
+            Ok((role, Schema::new(schema).map_err(refused)?))
+        };
+        let closed = [Role::Actor, Role::Repair].into_iter().map(closed_for).collect::<Result<_, PromptError>>()?;
+        Ok(Briefing { lineage: context.lineage.to_string(), epoch: context.epoch, handbook, text, repeats, closed })
     }
 
     /// The text that all slots and roles of the epoch share.
@@ -237,6 +257,9 @@ pub fn request(
         Message { role: "user".into(), text: question(task, role, &slot, subject)?.into() },
     ];
     let model = model.drawn(&slot).clone();
+    let closed =
+        task.briefing.closed.get(&role).filter(|_| model.response_format == Some(ResponseFormat::JsonSchemaClosed));
+    let schema = closed.cloned().unwrap_or(schema);
     Ok(Request { adapter_version: ADAPTER_VERSION, slot, model, messages, schema })
 }
 

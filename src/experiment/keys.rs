@@ -364,7 +364,17 @@ fn models() -> Vec<Key> {
             "models.*.response_format",
             "",
             "",
-            Word(|| words(["json_schema", "json_schema_strict", "json_object_schema", "json_object", "tool", "none"])),
+            Word(|| {
+                words([
+                    "json_schema",
+                    "json_schema_strict",
+                    "json_schema_closed",
+                    "json_object_schema",
+                    "json_object",
+                    "tool",
+                    "none",
+                ])
+            }),
             "How the model is held to the schema of a reply; `anthropic` takes tool or none, the other kind the rest.",
         )],
     ));

@@ -167,12 +167,15 @@ fn is_reserved(field: &str) -> bool {
 }
 
 fn check_format(spec: &ModelSpec, at: &str) -> Result<(), String> {
-    use ResponseFormat::{JsonObject, JsonObjectSchema, JsonSchema, JsonSchemaStrict, None, Tool};
+    use ResponseFormat::{JsonObject, JsonObjectSchema, JsonSchema, JsonSchemaClosed, JsonSchemaStrict, None, Tool};
     let (fits, expected) = match spec.kind.as_str() {
         ANTHROPIC => (matches!(spec.response_format, Some(Tool | None)), "tool or none"),
         _ => (
-            matches!(spec.response_format, Some(JsonSchema | JsonSchemaStrict | JsonObjectSchema | JsonObject | None)),
-            "json_schema, json_schema_strict, json_object_schema, json_object or none",
+            matches!(
+                spec.response_format,
+                Some(JsonSchema | JsonSchemaStrict | JsonSchemaClosed | JsonObjectSchema | JsonObject | None)
+            ),
+            "json_schema, json_schema_strict, json_schema_closed, json_object_schema, json_object or none",
         ),
     };
     if fits { Ok(()) } else { Err(format!("{at}.response_format of this kind is one of: {expected}")) }

@@ -141,6 +141,8 @@ pub enum ResponseFormat {
     JsonSchema,
     /// The same with `strict: true` where the schema is of the form that strict mode takes: OpenAI, Azure.
     JsonSchemaStrict,
+    /// As `JsonSchema`; the schema of a patch is closed over its question: the paths that are there, the words and numbers that are allowed.
+    JsonSchemaClosed,
     /// `{"type": "json_object", "schema": ..}`: llama-cpp-python, llama.cpp.
     JsonObjectSchema,
     /// `{"type": "json_object"}`: any JSON object.

@@ -99,8 +99,8 @@ pub fn remedy(model: &ModelSpec, reply: &[u8], refusal: &Refusal) -> Option<(&'s
         let limit = limit.unwrap_or("the limit of tokens");
         return Some(("objects without an end", format!("raise {limit} of [models.{at}]")));
     }
-    use super::ResponseFormat::{JsonSchema, JsonSchemaStrict, Tool};
-    let held = matches!(model.response_format, Some(JsonSchema | JsonSchemaStrict | Tool));
+    use super::ResponseFormat::{JsonSchema, JsonSchemaClosed, JsonSchemaStrict, Tool};
+    let held = matches!(model.response_format, Some(JsonSchema | JsonSchemaStrict | JsonSchemaClosed | Tool));
     (!text.starts_with('{') && !held).then(|| {
         let remedy_text = "hold the model to the schema, with response_format = \"json_schema\" or \"tool\" for a live model, or tell it in its own prompt to answer with the object alone";
         ("words around the object, or no object", remedy_text.into())

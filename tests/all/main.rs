@@ -13,6 +13,7 @@ mod blessing;
 mod bundle;
 mod by_hand;
 mod cheap_winners;
+mod closed_schema;
 mod commands;
 mod counsel;
 mod credit;

@@ -15,7 +15,7 @@ pub fn body(request: &Request) -> Result<Map<String, Value>, ModelError> {
     body.insert("stream".into(), false.into());
     put_sampling(&mut body, request)?;
     let format = match request.model.response_format {
-        Some(ResponseFormat::JsonSchema) => {
+        Some(ResponseFormat::JsonSchema | ResponseFormat::JsonSchemaClosed) => {
             // Not strict, because providers support strict mode only for simpler schemas. Every reply is checked again
             // anyway.
             let schema = json!({"name": reply_name(request), "strict": false, "schema": compilable(&request.schema)});

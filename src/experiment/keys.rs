@@ -143,6 +143,13 @@ fn study() -> Vec<Key> {
                 Above(0.0, 1.0),
                 "Share of the usable scenes that are not held out; this or `count`.",
             ),
+            (
+                "split.plain_contacts",
+                "",
+                "",
+                Word(|| words(["keep", "drop"])),
+                "`drop` leaves out scenes in which an ego under test meets somebody although no program acts; `keep` without it.",
+            ),
             ("lineage[].parent.*", "", "", Any, "A parameter in which the lineage's parent differs from its family's."),
             (
                 "lineage[].policy",

@@ -38,7 +38,7 @@ pub use file::{Composed, composed};
 pub use model_options::ModelOptions;
 pub use models::{asked, by_role, is_scripted, provenance};
 pub use named_driver::{PlannerFile, named_driver};
-pub use options::{BudgetOptions, Experiment, LineageOptions, SceneSource, SplitOptions};
+pub use options::{BudgetOptions, Experiment, LineageOptions, PlainContacts, SceneSource, SplitOptions};
 pub use page::{listing, page};
 pub use parent_program::ParentProgram;
 pub use place::PROTOCOLS;

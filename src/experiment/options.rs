@@ -161,6 +161,27 @@ pub struct SplitOptions {
     pub held_out: usize,
     /// Scenes of the rotating development window.
     pub window: usize,
+    /// What becomes of scenes in which an ego under test meets somebody although no program acts.
+    #[serde(default, skip_serializing_if = "PlainContacts::are_kept")]
+    pub plain_contacts: PlainContacts,
+}
+
+/// What becomes of scenes whose recording an ego does not live through, with no program's help. A program can win nothing by the contact of
+/// that recording, but the scene tells less of it than others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PlainContacts {
+    /// They are as good as others.
+    #[default]
+    Keep,
+    /// They are left out before scenes are drawn: those in which any lineage's ego meets somebody, so that all lineages have the same.
+    Drop,
+}
+
+impl PlainContacts {
+    fn are_kept(&self) -> bool {
+        *self == PlainContacts::Keep
+    }
 }
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]

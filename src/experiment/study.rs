@@ -3,24 +3,45 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::{Experiment, ExperimentError, models};
+use super::{Experiment, ExperimentError, PlainContacts, models};
 use crate::agents::{Questions, contract_text};
+use crate::ego::Policy;
 use crate::epoch::{Budget, LineageSpec, SceneEntry, Start, Study, Without};
 use crate::families;
 use crate::kernel::{Seed, Threads};
 use crate::objects::LineageId;
-use crate::scene::{Pool, Scene, Split};
+use crate::scene::{Pool, PoolError, PreparedScene, Scene, Split};
+use crate::sim::{Intervention, Plant, ending};
 use crate::stage::Source;
+use crate::text::counted;
 
 impl Experiment {
     /// Which scenes of a pool evolution sees and which stay closed.
     ///
     /// # Errors
-    /// Too few usable scenes; a group that the split would cut; scenes that the protocol cannot label.
-    pub fn split_of(&self, pool: &Pool) -> Result<Split, ExperimentError> {
+    /// Too few usable scenes; a group that the split would cut; scenes that the protocol cannot label; plain contacts to be left out
+    /// that nobody here can tell.
+    pub fn split_of(&self, pool: &Pool, threads: &Threads) -> Result<Split, ExperimentError> {
+        self.split_without(pool, &self.with_plain_contacts(pool, threads)?)
+    }
+
+    /// The same where it is known which scenes are left out.
+    ///
+    /// # Errors
+    /// As [`Experiment::split_of`].
+    pub fn split_without(&self, pool: &Pool, dropped: &BTreeSet<String>) -> Result<Split, ExperimentError> {
+        let refused = |error: PoolError| {
+            match dropped.len() {
+            0 => self.problem(format!("[split]: {error}")),
+            count => self.problem(format!(
+                "[split]: {error}; {} left out, because an ego meets somebody there without a program (split.plain_contacts = \"drop\")",
+                counted(count, "scene")
+            )),
+        }
+        };
         let split = pool
-            .split(Seed(self.seed), self.split.evolution, self.split.held_out)
-            .map_err(|error| self.problem(format!("[split]: {error}")))?;
+            .split_among(Seed(self.seed), self.split.evolution, self.split.held_out, |id| !dropped.contains(id))
+            .map_err(refused)?;
         if self.split.window > split.evolution.len() {
             return Err(self.problem(format!(
                 "split.window is {}, expected at most the {} evolution scenes that [split] takes of the pool's {}; make the window \
@@ -51,12 +72,50 @@ impl Experiment {
         }
     }
 
+    /// Ids of the scenes that are left out because an ego under test meets somebody there although no program acts.
+    ///
+    /// # Errors
+    /// The experiment leaves them out and has an ego or a simulator that only a recording asks.
+    pub fn with_plain_contacts(&self, pool: &Pool, threads: &Threads) -> Result<BTreeSet<String>, ExperimentError> {
+        if self.split.plain_contacts == PlainContacts::Keep {
+            return Ok(BTreeSet::new());
+        }
+        let elsewhere = match (&self.simulator.backend, &self.driver, self.evaluation.safebench()) {
+            (Some(_), ..) => Some("[simulator.backend] is another simulator"),
+            (_, Some(_), _) => Some("the ego is a program of your own, [driver]"),
+            (.., Some(_)) => Some("SafeBench stages every scene for a contact"),
+            (None, None, None) => None,
+        };
+        if let Some(why) = elsewhere {
+            return Err(self.problem(format!(
+                "split.plain_contacts is \"drop\", expected \"keep\": {why}; drop them from a pool of your own with `evodrive scenes filter \
+                 --without ID`"
+            )));
+        }
+        let mut egos: Vec<Policy> = Vec::new();
+        for lineage in &self.lineages {
+            let ego = lineage.driver().map_err(|error| self.problem(format!("lineage {}: {error}", lineage.id)))?;
+            if !egos.contains(&ego) {
+                egos.push(ego);
+            }
+        }
+        let rules = self.simulator.rules();
+        let meets = threads.map(&pool.scenes, |_, scene| {
+            // Of what cannot be simulated others complain.
+            let plant = Plant::with_options(PreparedScene::new(Arc::new(scene.clone())), &rules).ok()?;
+            let alone = Intervention::default();
+            let contact = |ego: &Policy| Some(ending(&plant, &alone, ego.driver().as_mut()).ok()?.1.is_some());
+            egos.iter().any(|ego| contact(ego) == Some(true)).then(|| scene.id.clone())
+        });
+        Ok(meets.into_iter().flatten().collect())
+    }
+
     /// Puts the study together. Its pool digest names all scenes; the study holds those of the split.
     ///
     /// # Errors
     /// Those of [`Experiment::split_of`], and a parent that its family's contract does not allow.
     pub fn study(&self, pool: Pool, threads: &Threads) -> Result<Study, ExperimentError> {
-        let split = self.split_of(&pool)?;
+        let split = self.split_of(&pool, threads)?;
         let (pool_digest, provenance) = (pool.digest(), pool.sealed_provenance());
         let mut lineages = Vec::new();
         for lineage in &self.lineages {

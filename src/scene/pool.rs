@@ -436,7 +436,19 @@ impl Pool {
     /// and the ids, so a larger evolution set keeps the same held-out set. Scenes of one SafeBench group (family and
     /// route) stay together; every other scene stands alone.
     pub fn split(&self, seed: Seed, evolution: EvolutionSize, held_out: usize) -> Result<Split, PoolError> {
+        self.split_among(seed, evolution, held_out, |_| true)
+    }
+
+    /// The same of the scenes whose ids `takes` chooses. A group is there whole or not at all.
+    pub fn split_among(
+        &self,
+        seed: Seed,
+        evolution: EvolutionSize,
+        held_out: usize,
+        takes: impl Fn(&str) -> bool,
+    ) -> Result<Split, PoolError> {
         let mut units = self.units();
+        units.retain(|unit| unit.scenes.iter().all(|scene| takes(&scene.id)));
         seed.stream(&["scene", "split"]).shuffle(&mut units);
         let mut scenes: Vec<SplitScene> = units.iter().flat_map(|unit| unit.scenes.clone()).collect();
         let rest = scenes.len().saturating_sub(held_out);

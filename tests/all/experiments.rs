@@ -7,6 +7,7 @@ use evodrive::experiment::{Experiment, SceneSource, composed};
 use evodrive::families::sources;
 use evodrive::kernel::{Digest, Threads};
 use evodrive::objects::{FamilyName, LineageId};
+use evodrive::sim;
 use evodrive::stage::Asks;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -269,6 +270,45 @@ fn based(texts: &[(&str, &str)]) -> (tempfile::TempDir, Result<Experiment, Strin
     (dir, read)
 }
 
+#[test]
+fn scenes_in_which_an_ego_meets_somebody_by_itself_are_left_out_where_the_experiment_says_so() {
+    let quickstart = crate::harness::home().join("experiments/quickstart.toml");
+    let under = |set: &[&str]| {
+        let set: Vec<String> = set.iter().map(|of| of.to_string()).collect();
+        Experiment::read_under(&quickstart, &set).unwrap()
+    };
+    let (kept, dropping) = (under(&[]), under(&["split.plain_contacts=drop"]));
+    assert_eq!(kept.digest().unwrap(), under(&["split.plain_contacts=keep"]).digest().unwrap());
+    assert_ne!(kept.digest().unwrap(), dropping.digest().unwrap());
+    let threads = Threads::new(2).unwrap();
+    let pool = kept.scenes(&[], &threads).unwrap();
+    // Whom the whole rollout meets, of every scene.
+    let meets = threads.map(&pool.scenes, |_, scene| {
+        let plant = sim::Plant::new(scene).unwrap();
+        let outcome = sim::rollout(&plant, &sim::Intervention::default(), Policy::Idm.driver().as_mut()).unwrap();
+        outcome.contact.is_some().then(|| scene.id.clone())
+    });
+    let meets: BTreeSet<String> = meets.into_iter().flatten().collect();
+    assert!(meets.len() > 2 && meets.len() < pool.scenes.len() / 2, "{meets:?}");
+    assert_eq!(dropping.with_plain_contacts(&pool, &threads).unwrap(), meets);
+    let ids = |experiment: &Experiment| {
+        let split = experiment.split_of(&pool, &threads).unwrap();
+        split.evolution.iter().chain(&split.held_out).map(|of| of.id.clone()).collect::<BTreeSet<_>>()
+    };
+    let (all, quiet) = (ids(&kept), ids(&dropping));
+    assert!(!all.is_disjoint(&meets) && quiet.is_disjoint(&meets));
+    assert_eq!(all.len(), quiet.len(), "as many as the experiment asks for");
+    let most = format!("split.held_out={}", pool.scenes.len() - 60);
+    let too_many = under(&["split.plain_contacts=drop", &most]).split_of(&pool, &threads).unwrap_err().to_string();
+    assert!(too_many.contains(&format!("{} scenes left out", meets.len())), "{too_many}");
+    let elsewhere = Experiment::read_under(
+        &crate::harness::home().join("experiments/agreement/metadrive.toml"),
+        &["split.plain_contacts=drop".into()],
+    );
+    let refused = elsewhere.unwrap().with_plain_contacts(&pool, &threads).unwrap_err().to_string();
+    assert!(refused.contains("another simulator") && refused.contains("scenes filter"), "{refused}");
+}
+
 const OWN: &str = "name = \"own\"\ndescribes = \"d\"\ncassette = \"own.jsonl\"\n\
                    lineage = [{ id = \"cat-idm\", family = \"cat\", ego = \"idm\" }]\n";
 
@@ -429,7 +469,7 @@ fn init_takes_several_families_or_all_with_what_they_need_and_the_size_of_the_st
     let staged = made("staged", &["--family", "human", "--all"]);
     assert_eq!(families(&staged), "adv_traj advsim chatscene human");
     let pool = staged.scenes(&[], &Threads::new(1).unwrap()).unwrap();
-    let split = staged.split_of(&pool).unwrap();
+    let split = staged.split_of(&pool, &Threads::new(1).unwrap()).unwrap();
     assert_eq!((split.held_out.len(), split.evolution.len()), (24, 40));
     for (args, said) in [
         (["--family", "cat,human"], "human beside cat, expected families of one protocol"),

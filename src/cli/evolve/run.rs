@@ -388,7 +388,10 @@ impl Job {
             let kept = folder.pool().exists().then(|| folder.read_pool().ok()).flatten();
             scenes = kept.filter(|kept| kept.digest() == scenes.digest()).unwrap_or(scenes);
         }
-        experiment.split_of(&scenes)?;
+        let dropped = experiment.with_plain_contacts(&scenes, &threads)?;
+        let why = |id: &String| (id.clone(), "an ego meets somebody there although no program acts".to_string());
+        left_out::listed("left out", dropped.iter().map(why)).into_iter().for_each(progress);
+        experiment.split_without(&scenes, &dropped)?;
         Ok(Job { experiment, scenes, threads, out: args.out.clone() })
     }
 

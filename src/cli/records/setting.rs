@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use crate::evaluation::{AttackOptions, ContactClass, EvaluationOptions, RealismOptions};
 use crate::evidence::Setting;
-use crate::experiment::{Experiment, SceneSource};
+use crate::experiment::{Experiment, PlainContacts, SceneSource};
 use crate::kernel::Digest;
 
 /// What a caption says of it.
@@ -22,7 +22,11 @@ pub fn of(experiment: &Experiment) -> Setting {
         EvaluationOptions::Metadrive(options) => (reading(&options.attack), realism(&options.realism)),
         EvaluationOptions::Safebench { .. } => ("collision rate times lost overall score".into(), String::new()),
     };
-    Setting { simulator, pool: pool.into(), reading, realism }
+    let left_out = match experiment.split.plain_contacts {
+        PlainContacts::Keep => String::new(),
+        PlainContacts::Drop => "scenes in which an ego meets somebody although no program acts".into(),
+    };
+    Setting { simulator, pool: pool.into(), left_out, reading, realism }
 }
 
 /// What realism is a mean of, and a name for its settings by which a reader sees whether two experiments mean the same.
@@ -90,5 +94,14 @@ mod tests {
         // Rams from behind that count where avoidable are another reading.
         assert!(reading(&options(&[], &all)).starts_with("avoidable contacts of the classes "));
         assert_eq!(reading(&options(&[ContactClass::CutIn], &[])), "contacts of the classes cut_in");
+    }
+    #[test]
+    fn scenes_that_are_left_out_are_named() {
+        let read = |set: &[String]| {
+            let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml");
+            of(&Experiment::read_under(&path, set).unwrap()).left_out
+        };
+        assert_eq!(read(&[]), "");
+        assert!(read(&["split.plain_contacts=drop".into()]).starts_with("scenes in which an ego meets somebody"));
     }
 }

@@ -51,7 +51,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let experiment = Experiment::read(&options.experiment)?;
     let threads = files::threads(jobs)?;
     let pool = experiment.scenes(&[], &threads)?;
-    let split = experiment.split_of(&pool)?;
+    let split = experiment.split_of(&pool, &threads)?;
     let held_out = split.held_out.iter().filter_map(|entry| pool.scene(&entry.id).cloned()).collect();
     let held_out = Pool::new(held_out, vec![]).map_err(Failure::internal)?;
     let lessons = lessons(&held_out, &experiment.simulator.rules(), &threads)?;

@@ -39,7 +39,11 @@ fn proposer(run: &RunSource) -> String {
 pub fn rests_on(table: &Table) -> String {
     let runs = &table.runs;
     let scenes = |run: &RunSource| {
-        let counts = format!("{} for evolution, {} held out", run.evolution_scenes, run.held_out_scenes);
+        let left_out = match run.setting.left_out.as_str() {
+            "" => String::new(),
+            which => format!(", left out {which}"),
+        };
+        let counts = format!("{} for evolution, {} held out{left_out}", run.evolution_scenes, run.held_out_scenes);
         match run.setting.pool.as_str() {
             "" => format!("{}, {counts}", counted(run.evolution_scenes + run.held_out_scenes, "scene")),
             pool => format!("{pool}, {counts}"),
@@ -80,6 +84,10 @@ mod tests {
         let expected = " Simulator: ours. Pool: generated, 2 for evolution, 4 held out. Ego: IDM. Attack: every contact. \
                         Proposals: exchange (agent, big); critics: a rule-based stand-in, no language model. Searches a row: 1 seed.";
         assert_eq!(rests_on(&metadrive_policy(&[recorded.clone()]).unwrap()), expected);
+        recorded.declared.setting.left_out = "crashes".into();
+        let table = metadrive_policy(&[recorded.clone()]).unwrap();
+        assert!(rests_on(&table).contains("Pool: generated, 2 for evolution, 4 held out, left out crashes."));
+        assert!(table.notes.iter().any(|note| note.ends_with(" Left out: crashes.")), "{:?}", table.notes);
         // What nobody read is not made up.
         recorded.declared.setting = Setting::default();
         let bare = rests_on(&metadrive_policy(&[recorded]).unwrap());

@@ -75,8 +75,12 @@ pub fn run(run: &RecordedRun) -> String {
     let start =
         |parent: &ParentAdopted| Some(format!(" Lineage {} starts from {}.", parent.lineage, parent.origins.last()?));
     let starts: String = run.parents.iter().filter_map(start).collect();
+    let left_out = match run.declared.setting.left_out.as_str() {
+        "" => String::new(),
+        which => format!(" Left out: {which}."),
+    };
     format!(
-        "Run {}: {} evolution and {}, {}, {}, {}; proposals from {from}{stand_in}.{starts}{}",
+        "Run {}: {} evolution and {}, {}, {}, {}; proposals from {from}{stand_in}.{starts}{}{left_out}",
         labels::run_name(run),
         opened.evolution_scenes.len(),
         counted(opened.held_out_scenes.len(), "held-out scene"),

@@ -84,6 +84,7 @@ fn whole() -> Vec<Table> {
     driver.insert("folder".into(), "somewhere".into());
     driver.insert("observe".into(), "metadrive-1".into());
     driver.insert("blind".into(), true.into());
+    own["split"].as_table_mut().unwrap().insert("plain_contacts".into(), "keep".into());
     own["evaluation"]["attack"].as_table_mut().unwrap().insert("when".into(), "contact_adversary".into());
     let measured = toml::toml! { impact_speed = "contact_speed_mps" };
     own["evaluation"].as_table_mut().unwrap().insert("metrics".into(), measured.into());

@@ -160,7 +160,8 @@ fn whatever_is_taken_from_a_closed_schema_passes_reader_and_gates() {
         }
         assert!(count > 30, "{}: {count} edits", source.contract.family);
         let bytes = request.schema.to_string().len();
-        assert!(bytes < 60_000, "{}: {bytes} bytes", source.contract.family);
+        // Servers make a grammar of it.
+        assert!(bytes < 1 << 16, "{}: {bytes} bytes", source.contract.family);
     }
 }
 

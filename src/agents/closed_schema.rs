@@ -1,6 +1,7 @@
 //! The schema of a patch closed over one question: the paths that its parent has, the words and numbers that the contract allows there, the
 //! cards and clusters that the question shows. A model that a server holds to it cannot name what is not there, which small models do. It
-//! offers values, words, mechanisms, rules and new expressions of the parent's modules; new nodes and modules it does not offer.
+//! offers values, words, mechanisms, rules and new expressions of the parent's modules; new nodes and modules it does not offer. A patch is
+//! one edit: of two no schema can say that they are of different places, and a model of 1.5 B edited one place twice in 8 of 16 answers.
 
 use std::collections::BTreeMap;
 
@@ -60,12 +61,9 @@ pub fn closed(role: Role, surface: &Surface, parent: &Program, shown: &Shown<'_>
     }
     members.insert("memory_refs_used".into(), some_of(shown.memory.iter().map(|card| card.id.as_str())));
     members.insert("cluster_refs_used".into(), some_of(shown.clusters.iter().copied()));
-    let most = surface.contract.limits.operations_per_patch;
     let edits = edits(surface, parent);
-    members.insert(
-        "operations".into(),
-        json!({"type": "array", "minItems": 1, "maxItems": most, "items": {"anyOf": edits}}),
-    );
+    members
+        .insert("operations".into(), json!({"type": "array", "minItems": 1, "maxItems": 1, "items": {"anyOf": edits}}));
     schema
 }
 

@@ -123,6 +123,7 @@ fn whatever_is_taken_from_a_closed_schema_passes_reader_and_gates() {
     for source in sources.iter() {
         let (request, parent) = asked(source, ResponseFormat::JsonSchemaClosed, true);
         let members = &request.schema["properties"]["program_patch"]["properties"];
+        assert_eq!(members["operations"]["maxItems"], 1, "of two edits the second may be of the first one's place");
         let edits = members["operations"]["items"]["anyOf"].as_array().unwrap();
         let judging = Judging { fixed_bodies: true, ..Judging::whole(&source.contract, &registry) };
         let mut count = 0;

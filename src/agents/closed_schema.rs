@@ -4,12 +4,15 @@
 //! one edit: of two no schema can say that they are of different places, and a model of 1.5 B edited one place twice in 8 of 16 answers.
 
 use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
 
 use serde_json::{Map, Value, json};
 
 use super::reply;
 use crate::adapters::{Contract, Domain, Feature};
-use crate::objects::{Card, MechanismModule, OperatorNode, Program, Role, Setting, Slot, ValueType};
+use crate::kernel::canon::CanonError;
+use crate::llm::Schema;
+use crate::objects::{BODY_SETTING, MechanismModule, OperatorNode, Program, Role, Setting, Slot, ValueType};
 
 /// Numbers that a place with bounds is offered, of evenly spaced ones. Servers do not hold a number between bounds, but to a list.
 const GRID: u32 = 16;
@@ -18,9 +21,6 @@ const HYPOTHESIS_MAX: u32 = 600;
 const EXPRESSION_MAX: u32 = 240;
 /// Bounds of a count in a rule's condition.
 const COUNTS: [u32; 3] = [2, 4, 8];
-
-/// The setting of an actor operator that names a body.
-const BODY: &str = "shape";
 
 /// What patches of a lineage may edit.
 #[derive(Clone, Debug)]
@@ -36,31 +36,65 @@ pub struct Surface {
 }
 
 /// What a question shows that a patch may refer to.
-pub struct Shown<'a> {
+#[derive(Clone, Debug)]
+pub struct Shown {
     /// Member of the reply -> the value that it repeats.
-    pub repeats: &'a BTreeMap<&'static str, String>,
-    /// The cards.
-    pub memory: &'a [Card],
+    pub repeats: BTreeMap<&'static str, String>,
+    /// Ids of the cards.
+    pub memory: Vec<String>,
     /// Names of the clusters.
-    pub clusters: Vec<&'a str>,
+    pub clusters: Vec<String>,
+}
+
+/// The closed schemas of a question. Each is made when a model is first held to it: most never are.
+#[derive(Clone, Debug)]
+pub struct ClosedSchemas {
+    /// What may be edited.
+    pub surface: Arc<Surface>,
+    /// Of which program.
+    pub parent: Program,
+    /// What may be referred to.
+    pub shown: Shown,
+    /// Of the actor and of the repair, once made.
+    pub made: [OnceLock<Schema>; 2],
+}
+
+impl ClosedSchemas {
+    /// The schema of a role that writes patches; `None` of another one.
+    ///
+    /// # Errors
+    /// A bound of the contract that JSON cannot hold.
+    pub fn of(&self, role: Role) -> Result<Option<Schema>, CanonError> {
+        let made = match role {
+            Role::Actor => &self.made[0],
+            Role::Repair => &self.made[1],
+            _ => return Ok(None),
+        };
+        if made.get().is_none() {
+            let schema = Schema::new(closed(role, &self.surface, &self.parent, &self.shown))?;
+            // Whoever else has made it meanwhile has made the same.
+            let _ = made.set(schema);
+        }
+        Ok(made.get().cloned())
+    }
 }
 
 /// The schema for an actor or a repair.
-pub fn closed(role: Role, surface: &Surface, parent: &Program, shown: &Shown<'_>) -> Value {
+fn closed(role: Role, surface: &Surface, parent: &Program, shown: &Shown) -> Value {
     let mut schema = reply::schema(role);
     let Some(members) = schema.pointer_mut("/properties/program_patch/properties").and_then(Value::as_object_mut)
     else {
         return schema;
     };
-    for (member, value) in shown.repeats {
+    for (member, value) in &shown.repeats {
         members.insert((*member).into(), one_of([value.as_str()]));
     }
     members.insert("hypothesis".into(), json!({"type": "string", "minLength": 1, "maxLength": HYPOTHESIS_MAX}));
     if members.contains_key("repair_summary") {
         members.insert("repair_summary".into(), json!({"type": "string", "minLength": 1, "maxLength": HYPOTHESIS_MAX}));
     }
-    members.insert("memory_refs_used".into(), some_of(shown.memory.iter().map(|card| card.id.as_str())));
-    members.insert("cluster_refs_used".into(), some_of(shown.clusters.iter().copied()));
+    members.insert("memory_refs_used".into(), some_of(&shown.memory));
+    members.insert("cluster_refs_used".into(), some_of(&shown.clusters));
     let edits = edits(surface, parent);
     members
         .insert("operations".into(), json!({"type": "array", "minItems": 1, "maxItems": 1, "items": {"anyOf": edits}}));
@@ -74,7 +108,7 @@ fn edits(surface: &Surface, parent: &Program) -> Vec<Value> {
         parent.operator_graph.values().filter(|node| *fixed_bodies && node.slot == Slot::Actor).collect();
     let names_a_body = |parameter: &str| {
         let reads = |of: &Setting| matches!(of, Setting::Parameter(found) if found.parameter == parameter);
-        bodies.iter().any(|node| node.settings.get(BODY).is_some_and(reads))
+        bodies.iter().any(|node| node.settings.get(BODY_SETTING).is_some_and(reads))
     };
     let free = contract.parameters.iter().filter(|(name, _)| !names_a_body(name));
     let sets: Vec<(&String, Value)> = free
@@ -88,7 +122,7 @@ fn edits(surface: &Surface, parent: &Program) -> Vec<Value> {
     for (node, operator) in &parent.operator_graph {
         let mut kinds = contract.operators.get(&operator.slot).into_iter().flatten();
         let Some(kind) = kinds.find(|kind| kind.kind == operator.kind) else { continue };
-        let is_free = |name: &str| !(*fixed_bodies && operator.slot == Slot::Actor && name == BODY);
+        let is_free = |name: &str| !(*fixed_bodies && operator.slot == Slot::Actor && name == BODY_SETTING);
         for (name, setting) in kind.settings.iter().filter(|(name, _)| is_free(name)) {
             let now = operator.settings.get(name).map(|now| json!(now));
             let op = if now.is_some() { "replace" } else { "add" };
@@ -117,11 +151,10 @@ fn one_of<T: Into<Value>>(words: impl IntoIterator<Item = T>) -> Value {
 }
 
 /// A list of some of these names.
-fn some_of<'a>(names: impl Iterator<Item = &'a str>) -> Value {
-    let names: Vec<&str> = names.collect();
+fn some_of(names: &[String]) -> Value {
     match names.len() {
         0 => json!({"type": "array", "maxItems": 0, "items": {"type": "string"}}),
-        count => json!({"type": "array", "maxItems": count.min(4), "items": one_of(names)}),
+        count => json!({"type": "array", "maxItems": count.min(4), "items": one_of(names.iter().map(String::as_str))}),
     }
 }
 
@@ -177,19 +210,12 @@ fn whole(low: i64, high: i64) -> Vec<i64> {
 
 /// Another expression for a module: the names that it may read are those of its slot.
 fn rewritten(contract: &Contract, name: &str, module: &MechanismModule) -> Option<Value> {
-    let slot = contract.mechanism_slots.get(&module.slot)?;
-    let names = |features: &[Feature]| features.iter().map(|feature| feature.name.to_string()).collect::<Vec<_>>();
-    let numeric = |domain: &Domain| matches!(domain, Domain::Number { .. } | Domain::Integer { .. });
-    let parameters = contract.parameters.iter().filter(|(_, spec)| numeric(&spec.domain)).map(|(name, _)| name.clone());
-    let mut inputs = [names(&slot.features), names(&contract.scene_features)].concat();
-    inputs.extend(parameters);
-    inputs.sort();
-    inputs.dedup();
+    let inputs = contract.mechanism_scope(&module.slot)?;
     let value = json!({
         "type": "object", "additionalProperties": false, "required": ["slot", "inputs", "output", "expression", "tags"],
         "properties": {
             "slot": one_of([module.slot.as_str()]),
-            "inputs": {"type": "array", "minItems": 1, "maxItems": 6, "items": one_of(inputs)},
+            "inputs": {"type": "array", "minItems": 1, "maxItems": 6, "items": one_of(inputs.names())},
             "output": {"enum": [module.output]},
             "expression": {"type": "string", "minLength": 1, "maxLength": EXPRESSION_MAX},
             "tags": {"type": "array", "minItems": 1, "maxItems": module.tags.len().max(1), "items": one_of(module.tags.iter().map(String::as_str))},
@@ -256,7 +282,7 @@ mod tests {
     fn a_question_without_cards_lets_none_be_named() {
         let example = Example::toy();
         let repeats = BTreeMap::from([("source_baseline", "toy".to_string())]);
-        let shown = Shown { repeats: &repeats, memory: &[], clusters: vec!["cluster:dense"] };
+        let shown = Shown { repeats, memory: vec![], clusters: vec!["cluster:dense".into()] };
         let surface = Surface { contract: example.contract.clone(), rules: true, modules: true, fixed_bodies: false };
         let schema = closed(Role::Repair, &surface, &example.parent, &shown);
         let members = &schema["properties"]["program_patch"]["properties"];

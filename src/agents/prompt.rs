@@ -4,14 +4,14 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    sync::LazyLock,
+    sync::{Arc, LazyLock},
 };
 
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    closed_schema::{Shown, Surface, closed},
+    closed_schema::{ClosedSchemas, Shown, Surface},
     examples::{Examples, examples},
     findings::{self, Findings},
     history::PastEdit,
@@ -101,7 +101,7 @@ pub struct Omitted {
 #[derive(Clone, Debug)]
 pub struct Handbook {
     text: Text,
-    surface: Surface,
+    surface: Arc<Surface>,
 }
 
 impl Handbook {
@@ -132,7 +132,7 @@ impl Handbook {
             modules: !omitted.modules,
             fixed_bodies: measures.fixed_bodies,
         };
-        Ok(Handbook { text: fill("handbook.md", &blocks)?.into(), surface })
+        Ok(Handbook { text: fill("handbook.md", &blocks)?.into(), surface: Arc::new(surface) })
     }
 
     /// Its text.
@@ -151,7 +151,7 @@ pub struct Briefing {
     /// What a patch repeats of its parent: member of the reply -> value.
     repeats: BTreeMap<&'static str, String>,
     /// The schemas of patches closed over this question, for models that are held to them.
-    closed: BTreeMap<Role, Schema>,
+    closed: ClosedSchemas,
 }
 
 impl Briefing {
@@ -191,14 +191,16 @@ impl Briefing {
             ("parent_solution_id", context.parent.solution_id.to_string()),
             ("parent_program_hash", context.parent_hash.to_hex()),
         ]);
-        let clusters = context.clusters.iter().map(|cluster| cluster.name.as_str()).collect();
-        let shown = Shown { repeats: &repeats, memory: context.memory, clusters };
-        let closed_for = |role: Role| {
-            let schema = closed(role, &context.handbook.surface, context.parent, &shown);
-            let refused = |error: CanonError| PromptError { template: role_template(role), reason: error.to_string() };
-            Ok((role, Schema::new(schema).map_err(refused)?))
+        let closed = ClosedSchemas {
+            surface: context.handbook.surface.clone(),
+            parent: context.parent.clone(),
+            shown: Shown {
+                repeats: repeats.clone(),
+                memory: context.memory.iter().map(|card| card.id.to_string()).collect(),
+                clusters: context.clusters.iter().map(|cluster| cluster.name.clone()).collect(),
+            },
+            made: Default::default(),
         };
-        let closed = [Role::Actor, Role::Repair].into_iter().map(closed_for).collect::<Result<_, PromptError>>()?;
         Ok(Briefing { lineage: context.lineage.to_string(), epoch: context.epoch, handbook, text, repeats, closed })
     }
 
@@ -257,9 +259,12 @@ pub fn request(
         Message { role: "user".into(), text: question(task, role, &slot, subject)?.into() },
     ];
     let model = model.drawn(&slot).clone();
-    let closed =
-        task.briefing.closed.get(&role).filter(|_| model.response_format == Some(ResponseFormat::JsonSchemaClosed));
-    let schema = closed.cloned().unwrap_or(schema);
+    let refused = |error: CanonError| PromptError { template: role_template(role), reason: error.to_string() };
+    let closed = match model.response_format {
+        Some(ResponseFormat::JsonSchemaClosed) => task.briefing.closed.of(role).map_err(refused)?,
+        _ => None,
+    };
+    let schema = closed.unwrap_or(schema);
     Ok(Request { adapter_version: ADAPTER_VERSION, slot, model, messages, schema })
 }
 

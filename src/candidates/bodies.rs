@@ -4,10 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::adapters::Problem;
-use crate::objects::{ParameterValue, Program, Setting, Slot};
-
-/// The setting of an actor operator that names a body.
-const BODY: &str = "shape";
+use crate::objects::{BODY_SETTING, ParameterValue, Program, Setting, Slot};
 
 /// The bodies of the child that its parent never inserts.
 pub fn check(parent: &Program, child: &Program) -> Vec<Problem> {
@@ -16,7 +13,7 @@ pub fn check(parent: &Program, child: &Program) -> Vec<Problem> {
     let expected = || known.iter().map(|body| format!("`{body}`")).collect::<Vec<_>>().join(" or ");
     fresh
         .map(|body| {
-            let place = format!("/operator_graph, setting `{BODY}` of an actor");
+            let place = format!("/operator_graph, setting `{BODY_SETTING}` of an actor");
             Problem::new(
                 &place,
                 format!("`{body}`"),
@@ -36,7 +33,11 @@ fn bodies(program: &Program) -> BTreeSet<String> {
         .scenario_conditioned_policy
         .iter()
         .flat_map(|rule| rule.operators.iter().filter(|(node, _)| actors.contains(node)).map(|(_, settings)| settings));
-    written.chain(overridden).filter_map(|settings| settings.get(BODY)).flat_map(|body| words(program, body)).collect()
+    written
+        .chain(overridden)
+        .filter_map(|settings| settings.get(BODY_SETTING))
+        .flat_map(|body| words(program, body))
+        .collect()
 }
 
 fn words(program: &Program, body: &Setting) -> Vec<String> {
@@ -69,7 +70,7 @@ mod tests {
         let body = Setting::Parameter(ParameterRef { parameter: "body".into() });
         let of_actor = |node: &&mut OperatorNode| node.slot == Slot::Actor;
         let actor = program.operator_graph.values_mut().find(of_actor).unwrap();
-        actor.settings.insert(BODY.into(), body);
+        actor.settings.insert(BODY_SETTING.into(), body);
         program.parameters.insert("body".into(), ParameterValue::Choice(value.into()));
         program.scenario_conditioned_policy.extend(swap.map(|to| PolicyRule {
             name: "swap".into(),

@@ -85,6 +85,9 @@ pub enum Setting {
     Choice(String),
 }
 
+/// The setting of an actor operator that names the sort of road user that it inserts.
+pub const BODY_SETTING: &str = "shape";
+
 impl Setting {
     /// Of a module the name that its proposer gave it, in quotes; of a parameter that it is followed.
     pub fn in_words(&self) -> String {

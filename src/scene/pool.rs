@@ -633,6 +633,12 @@ mod tests {
         let (open, closed) = (groups(&split.evolution), groups(&split.held_out));
         assert_eq!((open.len(), closed.len()), (40, 10));
         assert!(open.is_disjoint(&closed));
+        // Where one scene of a group is not taken, no scene of it is.
+        let first = &split.evolution[0].id;
+        let rest = pool.split_among(Seed(4), EvolutionSize::Share(1.0), 30, |id| id != first).unwrap();
+        let without = groups(&[rest.evolution, rest.held_out].concat());
+        let own = pool.scene(first).unwrap().staging.as_ref().unwrap().group();
+        assert!(!without.contains(&own) && without.len() == 79, "{}", without.len());
         let cut = pool.split(Seed(4), EvolutionSize::Count(120), 31).unwrap_err();
         assert!(matches!(&cut, PoolError::CutGroup { wanted: 31, fits: 30, .. }), "{cut}");
         let cut = pool.split(Seed(4), EvolutionSize::Count(121), 30).unwrap_err();

@@ -119,3 +119,24 @@ impl Ran {
         piece.runs.iter().filter_map(shown).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scenes_of_each_experiment_are_its_own_whoever_was_looked_at_before() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml");
+        let under = |count: usize, seed: u32| {
+            let set = [format!("scenes.count={count}"), format!("scenes.seed={seed}")];
+            Experiment::read_under(&path, &[set.to_vec(), SMALL.map(String::from).to_vec()].concat()).unwrap()
+        };
+        const SMALL: [&str; 3] = ["split.evolution.count=2", "split.held_out=1", "split.window=2"];
+        let (threads, mut pools) = (threads(1).unwrap(), Pools::default());
+        for of in [under(4, 1), under(4, 2), under(5, 1), under(4, 1)] {
+            let own = of.scenes(&[], &threads).unwrap().digest();
+            assert_eq!(pools.digest_of(&of, &threads).unwrap(), own);
+        }
+        assert_eq!(pools.0.len(), 3, "the first and the last share theirs");
+    }
+}

@@ -78,6 +78,7 @@ fn pieces() -> Vec<String> {
     let head = claims.lines().find(|line| line.contains(" claims: ")).unwrap();
     // Two counts end in `supported`.
     let (_, behind_undecided) = head.split_once(" undecided, ").unwrap();
+    let untestable = before(head, " not testable");
     let draws = seeds.values().next().unwrap().len();
     let mut pieces = vec![
         format!("Rust {} or later", value("Cargo.toml", "rust-version = \"")),
@@ -87,12 +88,13 @@ fn pieces() -> Vec<String> {
         format!("`{chosen}`: epoch {epoch}, proposal {slot}"),
         format!("chosen of {} by its gain", in_words(draws)),
         format!(
-            "Of {} claims of the paper, the recorded runs support {}, contradict {}, leave {} undecided and cannot test {}",
+            "Of {} claims of the paper, the recorded runs support {}, contradict {}{} {} undecided{}",
             before(head, " claims: "),
             before(behind_undecided, " supported"),
             before(head, " not supported"),
+            if untestable == "0" { " and leave" } else { ", leave" },
             before(head, " undecided"),
-            before(head, " not testable")
+            if untestable == "0" { String::new() } else { format!(" and cannot test {untestable}") }
         ),
         format!("year    = {{{}}}", &value("CITATION.cff", "date-released: ")[..4]),
         format!("version = {{{}}}", value("Cargo.toml", "version = \"")),

@@ -287,9 +287,11 @@ pub(super) fn row(method: &str, policy: String, of: &[&LineageLabels], cells: Ve
     }
 }
 
-/// What counts as an attack where the experiment declares nothing else.
+/// What counts as an attack where the experiment has no expression of its own. A run's events do not say which reading it counted, so
+/// the note is true of each.
 const PROTOCOLS_ATTACK: &str = "Attack: share of held-out scenes in which the ego fails by a contact with an adversary that the experiment \
-                                counts: one that the ego caused or could have avoided.";
+                                counts: any that the program brings about (published reading), one that the ego could have prevented \
+                                (preventable), or, where a file names neither, one that it caused or could have avoided.";
 
 /// What a reader must know beside the numbers.
 fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row], average: Option<String>) -> Vec<String> {

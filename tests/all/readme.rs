@@ -78,7 +78,11 @@ fn pieces() -> Vec<String> {
     let head = claims.lines().find(|line| line.contains(" claims: ")).unwrap();
     // Two counts end in `supported`.
     let (_, behind_undecided) = head.split_once(" undecided, ").unwrap();
-    let untestable = before(head, " not testable");
+    let undecided = before(head, " undecided");
+    let left = match before(head, " not testable") {
+        "0" => format!(" and leave {undecided} undecided"),
+        untestable => format!(", leave {undecided} undecided and cannot test {untestable}"),
+    };
     let draws = seeds.values().next().unwrap().len();
     let mut pieces = vec![
         format!("Rust {} or later", value("Cargo.toml", "rust-version = \"")),
@@ -88,13 +92,10 @@ fn pieces() -> Vec<String> {
         format!("`{chosen}`: epoch {epoch}, proposal {slot}"),
         format!("chosen of {} by its gain", in_words(draws)),
         format!(
-            "Of {} claims of the paper, the recorded runs support {}, contradict {}{} {} undecided{}",
+            "Of {} claims of the paper, the recorded runs support {}, contradict {}{left}",
             before(head, " claims: "),
             before(behind_undecided, " supported"),
-            before(head, " not supported"),
-            if untestable == "0" { " and leave" } else { ", leave" },
-            before(head, " undecided"),
-            if untestable == "0" { String::new() } else { format!(" and cannot test {untestable}") }
+            before(head, " not supported")
         ),
         format!("year    = {{{}}}", &value("CITATION.cff", "date-released: ")[..4]),
         format!("version = {{{}}}", value("Cargo.toml", "version = \"")),

@@ -816,6 +816,21 @@ fn proposals_name_the_kinds_of_models_and_no_stand_in_passes_for_a_language_mode
     assert!(note.contains("not a language model"), "{note}");
 }
 
+/// A run's events do not hold which contacts its experiment counts, so a note that named one reading would be wrong below the others.
+#[test]
+fn the_note_on_attack_names_every_reading_or_gives_way_to_an_experiments_own() {
+    let mut run = scripted();
+    add(&mut run, &CAT);
+    let note = metadrive_main(&[run.clone()]).unwrap().notes.remove(0);
+    for reading in ["(published reading)", "(preventable)", "caused or could have avoided"] {
+        assert!(note.contains(reading), "{reading}: {note}");
+    }
+    run.opened.attack = Some("struck_by_ego".into());
+    let notes = metadrive_main(&[run]).unwrap().notes;
+    assert!(notes[0].starts_with("Attack: see below. Any crash"), "{}", notes[0]);
+    assert!(notes.iter().any(|note| note.contains("the program acts: struck_by_ego")), "{notes:?}");
+}
+
 #[test]
 fn every_format_is_rectangular_and_holds_our_numbers_and_the_papers() {
     let mut run = scripted();

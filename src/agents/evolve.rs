@@ -91,7 +91,8 @@ fn shown(turn: &Turn<'_>) -> Result<Text, PromptError> {
         let names = turn.schema.columns.iter().filter(|column| column.group == group).map(|column| &column.name);
         (group.name(), names.map(String::as_str).collect::<Vec<&str>>().join(" "))
     };
-    let columns: BTreeMap<&str, String> = FeatureGroup::ALL.into_iter().map(of).collect();
+    let columns: BTreeMap<&str, String> =
+        FeatureGroup::ALL.into_iter().map(of).filter(|(_, names)| !names.is_empty()).collect();
     let audit = serde_json::to_value(turn.audit)
         .map_err(|error| PromptError { template: "world.md", reason: error.to_string() })?;
     let earlier: Vec<Value> = turn.earlier.iter().map(evolved_shown).collect();

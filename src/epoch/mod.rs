@@ -9,6 +9,8 @@ mod error;
 mod freeze;
 mod labelling;
 mod open;
+#[cfg(test)]
+mod predicting_tests;
 mod run;
 #[cfg(test)]
 mod search_tests;

@@ -79,7 +79,8 @@ pub fn adopt_parents(study: &Study, desk: &mut Desk<'_>) -> Result<State, RunErr
 pub fn nothing_yet(study: &Study, desk: &Desk<'_>) -> Result<State, RunError> {
     let families: Vec<FamilyName> = study.lineages.iter().map(|spec| spec.family.clone()).collect();
     let calibration = CalibrationSet::default();
-    let snapshot = world::settle(&world::schema(&families), &study.world, &[], 0, desk.tools.threads)?;
+    let snapshot =
+        world::settle(&world::schema(&families, study.simulates_before()), &study.world, &[], 0, desk.tools.threads)?;
     Ok(State {
         archives: BTreeMap::new(),
         lineages: LineageStore::default(),

@@ -100,7 +100,7 @@ pub fn judge<'s>(
         // "p'_t <- ApplyPatch(p_t, delta_t)", ValidateProgram, "c_t <- CompileCandidate(p'_t)".
         let admitted = admit(study, &snapshot, proposed, tools)?;
         // "W_phi(c_t, S_t)".
-        predict(study, &snapshot, &router, admitted)
+        predict(study, &snapshot, &router, admitted, tools)
     });
     // "Wait until all workers reach the epoch barrier. Sort candidate records by deterministic key": the slot.
     // "d_t <- WorldRoute(W_t, c_t, S_t)": who gets the rollouts of the epoch's budget is known when all are there.

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::{Meter, Mode, Rollouts, Study};
 use crate::archive::{MeanOverScenes, PromotionRule, Standing, consider, pf_area_pct};
+use crate::backend::Backend;
 use crate::epoch::briefs::counsels::Counsels;
 use crate::epoch::labelling::labels::Labelling;
 use crate::epoch::setting::desk::{Desk, Tools};
@@ -66,6 +67,16 @@ pub(super) fn carried_out(experiment: &Experiment) -> Ran {
 
 /// The same with `open` questions at once, of a model that waits before it answers.
 pub(super) fn carried_out_asking(experiment: &Experiment, open: Option<usize>, patience: &Patience) -> Ran {
+    carried_out_behind(experiment, open, patience, Backend::Own)
+}
+
+/// The same with rollouts of a backend.
+pub(super) fn carried_out_behind(
+    experiment: &Experiment,
+    open: Option<usize>,
+    patience: &Patience,
+    backend: Backend<'_>,
+) -> Ran {
     let threads = Threads::new(2).unwrap();
     let study = study(experiment, &threads);
     let folder = tempfile::tempdir().unwrap();
@@ -76,7 +87,7 @@ pub(super) fn carried_out_asking(experiment: &Experiment, open: Option<usize>, p
     let rollouts = Rollouts::new(&objects, Mode::Reuse);
     let path = folder.path().join("transcript.jsonl");
     let ask = Waiting { ask: &recorder, patience };
-    let tools = Tools::new(&study, &ask, &threads, &rollouts, Meter::default());
+    let tools = Tools::new(&study, &ask, &threads, &rollouts, Meter::default()).behind(backend);
     let tools = open.into_iter().fold(tools, Tools::asking_at_once);
     let mut desk = Desk { log: Transcript::create(&path).unwrap(), watch: &mut |_| {}, tools };
     let result = super::run(&study, &mut desk).unwrap();

@@ -809,8 +809,20 @@ fn acceptance_always() -> Vec<Key> {
 fn world() -> Vec<Key> {
     let mut keys = required(vec![
         ("world.excluded_columns", "", "", Texts { empty: true }, "Feature columns left out of the regression."),
-        ("world.model", "", "", Word(|| words(["ridge", "boosted"])), "Regression of the difference from the parent."),
-        ("world.ridge_lambda", "λ", "", Above(0.0, 1e9), "Ridge penalty on standardised columns."),
+        (
+            "world.model",
+            "",
+            "",
+            Word(|| words(["ridge", "boosted", "simulator"])),
+            "What predicts the difference from the parent; `simulator` with [simulator.backend].",
+        ),
+        (
+            "world.ridge_lambda",
+            "λ",
+            "",
+            Above(0.0, 1e9),
+            "Ridge penalty on standardised columns; of `simulator`, labels that a slope of 1 counts for.",
+        ),
         ("world.trees", "", "trees", Whole(0, 1000), "Trees of the boosted model."),
         ("world.learning_rate", "", "", Above(0.0, 1.0), "Share of its prediction that each tree adds."),
         ("world.beta_attack", "β_A", "", SHARE, "Weight of the raw prediction of attack against its group's mean."),

@@ -7,7 +7,7 @@ use crate::adapters::Contract;
 use crate::evaluation::EvaluationOptions;
 use crate::families;
 use crate::llm::client;
-use crate::objects::{FamilyName, Role, world_audit::WORLD_LINE};
+use crate::objects::{FamilyName, Role, WorldModel, world_audit::WORLD_LINE};
 use crate::stage::Asks;
 use crate::world;
 
@@ -46,7 +46,25 @@ pub fn check(experiment: &Experiment) -> Result<(), Problem> {
     experiment.archive.validate().map_err(|error| several(&error))?;
     experiment.memory.validate().map_err(|error| several(&error))?;
     let families: Vec<FamilyName> = experiment.lineages.iter().map(|lineage| lineage.family.clone()).collect();
-    world::validate(&experiment.world, &world::schema(&families)).map_err(|error| several(&error))
+    let simulated = predicts(experiment)?;
+    world::validate(&experiment.world, &world::schema(&families, simulated)).map_err(|error| several(&error))
+}
+
+/// Whether our own simulator predicts labels: only those of another one, and of egos that it can drive.
+fn predicts(experiment: &Experiment) -> Result<bool, OptionError> {
+    if experiment.world.model != WorldModel::Simulator {
+        return Ok(false);
+    }
+    let refused = |why| Err(OptionError::new("world.model", "\"simulator\"", why));
+    match &experiment.simulator.backend {
+        None => refused(
+            "\"ridge\" or \"boosted\": our own simulator makes the labels; \"simulator\" needs [simulator.backend]",
+        ),
+        Some(backend) if backend.drives() => {
+            refused("\"ridge\" or \"boosted\": a planner drives, and our own simulator knows no other ego like it")
+        }
+        Some(_) => Ok(true),
+    }
 }
 
 /// A method other than the archive's own takes the MetaDrive protocol, and shares of its draws that leave nothing negative.

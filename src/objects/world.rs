@@ -11,7 +11,8 @@ use super::{
 };
 use crate::kernel::{Digest, canon::CanonError};
 
-/// The groups of signals: the paper's five, the parent's outcome, and probe compilations.
+/// The groups of signals: the paper's five, the parent's outcome, probe compilations, and rollouts in our own simulator where
+/// another one makes the labels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FeatureGroup {
@@ -29,11 +30,13 @@ pub enum FeatureGroup {
     Parent,
     /// What the compiled interventions look like without a rollout.
     Probe,
+    /// What our own simulator shows, where another one makes the labels.
+    Simulated,
 }
 
 impl FeatureGroup {
     /// All groups, in the schema's order.
-    pub const ALL: [FeatureGroup; 7] = [
+    pub const ALL: [FeatureGroup; 8] = [
         FeatureGroup::Family,
         FeatureGroup::Edit,
         FeatureGroup::Graph,
@@ -41,6 +44,7 @@ impl FeatureGroup {
         FeatureGroup::Interaction,
         FeatureGroup::Parent,
         FeatureGroup::Probe,
+        FeatureGroup::Simulated,
     ];
 
     /// The word in patches, audits and reports.
@@ -53,6 +57,7 @@ impl FeatureGroup {
             FeatureGroup::Interaction => "interaction",
             FeatureGroup::Parent => "parent",
             FeatureGroup::Probe => "probe",
+            FeatureGroup::Simulated => "simulated",
         }
     }
 }
@@ -75,6 +80,13 @@ pub struct FeatureSchema {
     pub families: Vec<FamilyName>,
     /// One entry a column, in the order of the values.
     pub columns: Vec<FeatureColumn>,
+}
+
+impl FeatureSchema {
+    /// Place of the first column of a group; `None` where the schema has none of it.
+    pub fn place_of(&self, group: FeatureGroup) -> Option<usize> {
+        self.columns.iter().position(|column| column.group == group)
+    }
 }
 
 /// What a compiled intervention looks like without a rollout: a counterfactual probe. Over several adversaries it holds the
@@ -202,6 +214,8 @@ pub enum WorldModel {
     Ridge,
     /// Boosted regression trees of depth 3.
     Boosted,
+    /// Rollouts in our own simulator, scaled, where another one makes the labels.
+    Simulator,
 }
 
 /// Who gets the rollouts of an epoch's budget.
@@ -222,7 +236,7 @@ pub struct WorldConfiguration {
     pub excluded_columns: Vec<String>,
     /// Which regression predicts.
     pub model: WorldModel,
-    /// λ of the ridge on standardised columns, > 0.
+    /// λ of the ridge on standardised columns, > 0; for the simulator, the labels that a slope of 1 counts for.
     pub ridge_lambda: f64,
     /// Trees of the boosted model.
     pub trees: u32,
@@ -347,6 +361,16 @@ pub struct Boosted {
     pub trees: Vec<Tree>,
 }
 
+/// One target's line through the origin: what our own simulator shows, times a slope.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SimulatedSlope {
+    /// Place in the schema of the difference that our own simulator shows, as in an open scene; it is not standardised.
+    pub column: usize,
+    /// Difference of the label for one of ours.
+    pub slope: f64,
+}
+
 /// What predicts one target.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -355,6 +379,8 @@ pub enum Regression {
     Ridge(RidgeLine),
     /// Trees.
     Boosted(Boosted),
+    /// A line through what our own simulator shows.
+    Simulated(SimulatedSlope),
 }
 
 /// What was fitted from the labels.

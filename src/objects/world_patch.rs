@@ -110,10 +110,19 @@ const PROTECTED: [&str; 24] = [
 /// Key -> where it stands in the configuration, where that is another place.
 const ROUTING: [&str; 4] = ["lambda_a", "lambda_r", "lambda_u", "audit_share"];
 
-/// The surface U_W. `audit_share` are the ends between which audits may be changed, as the experiment declares them.
-pub fn update_surface(audit_share: [f64; 2]) -> Vec<SurfaceKey> {
+/// The surface U_W. `audit_share` are the ends between which audits may be changed, as the experiment declares them. Who has columns of
+/// our own simulator may also rank by these.
+pub fn update_surface(audit_share: [f64; 2], schema: &FeatureSchema) -> Vec<SurfaceKey> {
     use SurfaceRange::{Columns, Groups, Number, Whole, Word};
     let key = |name, range, meaning| SurfaceKey { name, range, meaning };
+    let model = match schema.place_of(FeatureGroup::Simulated) {
+        None => key("model", Word(&["ridge", "boosted"]), "Regression: a ridge line, or boosted trees of depth 3."),
+        Some(_) => key(
+            "model",
+            Word(&["ridge", "boosted", "simulator"]),
+            "Regression: a ridge line, boosted trees of depth 3, or one slope on the columns `simulated`.",
+        ),
+    };
     vec![
         key(
             "excluded_groups",
@@ -121,7 +130,7 @@ pub fn update_surface(audit_share: [f64; 2]) -> Vec<SurfaceKey> {
             "Feature groups left out of the regression, all of their columns. Together with `excluded_columns` the whole of what is left out.",
         ),
         key("excluded_columns", Columns, "Single columns left out of the regression."),
-        key("model", Word(&["ridge", "boosted"]), "Regression: a ridge line, or boosted trees of depth 3."),
+        model,
         key(
             "ridge_lambda",
             Number(0.1, 1e5),
@@ -323,7 +332,7 @@ mod tests {
             audit_policy: "p".into(),
             risk_notes: vec![],
         };
-        patch.applied(&active(), &schema(), &update_surface([0.2, 0.5]))
+        patch.applied(&active(), &schema(), &update_surface([0.2, 0.5], &schema()))
     }
 
     #[test]
@@ -335,7 +344,7 @@ mod tests {
         assert_eq!(changed, wanted);
         let out = applied(json!({"excluded_groups": ["edit"], "excluded_columns": ["c"]})).unwrap();
         assert_eq!(out.excluded_columns, ["a", "b", "c"]);
-        let values = surface_values(&out, &schema(), &update_surface([0.2, 0.5]));
+        let values = surface_values(&out, &schema(), &update_surface([0.2, 0.5], &schema()));
         assert_eq!((&values["excluded_groups"], &values["excluded_columns"]), (&json!(["edit", "probe"]), &json!([])));
     }
 

@@ -7,7 +7,7 @@ use super::{
     boosted,
     configuration::{ConfigurationError, validate},
     prediction::{OPEN_SHARE_MIN, difference, group_key, spread},
-    ridge,
+    ridge, slope,
     table::{Table, moments, standardised},
 };
 use crate::kernel::{Threads, num};
@@ -129,7 +129,9 @@ enum Made {
 /// The fit without its intervals.
 fn fitted(schema: &FeatureSchema, configuration: &WorldConfiguration, labels: &[&WorldLabel]) -> Option<WorldFit> {
     let global = group_mean(labels)?;
-    let used = |(place, name): (usize, &String)| (!configuration.excluded_columns.contains(name)).then_some(place);
+    let simulated = slope::places(schema).filter(|_| configuration.model == WorldModel::Simulator);
+    let is_used = |name: &String| simulated.is_none() && !configuration.excluded_columns.contains(name);
+    let used = |(place, name): (usize, &String)| is_used(name).then_some(place);
     let columns: Vec<usize> = schema.columns.iter().map(|column| &column.name).enumerate().filter_map(used).collect();
     // A candidate that does what its parent does has no difference to learn from.
     let open: Vec<&WorldLabel> = labels.iter().copied().filter(|label| label.row.open_share > 0.0).collect();
@@ -142,7 +144,11 @@ fn fitted(schema: &FeatureSchema, configuration: &WorldConfiguration, labels: &[
         open.iter().zip(&shares).map(|(label, share)| of(&label.difference()) / share).collect()
     };
     let (attack, realism) = (target(|o| o.attack), target(|o| o.realism));
-    let (regressions, fallback) = regressions(&table, [&attack, &realism], configuration);
+    let line = |column, target: &[f64]| slope::fit(&raw, &shares, target, column, configuration.ridge_lambda);
+    let (regressions, fallback) = match simulated {
+        Some([first, second]) => ([line(first, &attack), line(second, &realism)], None),
+        None => regressions(&table, [&attack, &realism], configuration),
+    };
     let [attack, realism] = regressions;
     let groups = group_means(labels, configuration.calibration_group);
     let (labels, half_width) = (labels.len() as u32, None);
@@ -161,6 +167,8 @@ fn regressions(
             let fit = |target: &[f64]| boosted::fit(table, target, configuration.trees, configuration.learning_rate);
             (targets.map(|target| Regression::Boosted(fit(target))), None)
         }
+        // Without columns of a simulator there is nothing to scale; no configuration asks for that.
+        WorldModel::Simulator => (targets.map(mean), Some("the schema has no columns of a simulator".into())),
         WorldModel::Ridge => match ridge::fit(table, &targets, configuration.ridge_lambda) {
             Ok(lines) => {
                 let mut lines = lines.into_iter().map(Regression::Ridge);
@@ -188,7 +196,7 @@ fn errors_of(
     let fit = fitted(schema, configuration, &others)?;
     let open = parted(true).filter(|(_, label)| label.row.open_share > 0.0);
     let error = |(_, label): (usize, &&WorldLabel)| {
-        let error = label.difference().less(&difference(configuration, &fit, &label.row));
+        let error = label.difference().less(&difference(configuration, schema, Some(&fit), &label.row));
         error.times(1.0 / spread(&label.row))
     };
     Some(open.map(error).collect())

@@ -1,6 +1,7 @@
 //! Which configurations an evaluator can have: the bounds of its update surface.
 
-use crate::objects::{FeatureSchema, WorldConfiguration};
+use super::slope;
+use crate::objects::{FeatureSchema, WorldConfiguration, WorldModel};
 
 /// A configuration that cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -18,6 +19,11 @@ pub enum ConfigurationError {
     /// No column of the schema has this name.
     #[error("world option excluded_columns names {0:?}, which is not a column of the feature schema")]
     UnknownColumn(String),
+    /// It ranks by our own simulator, and the schema has no columns of that, or the configuration leaves one out.
+    #[error(
+        "world option model is \"simulator\" and reads the columns `simulated`, which {0}; take another model, or leave them in"
+    )]
+    NotSimulated(&'static str),
 }
 
 /// Refuses numbers outside their range and columns that do not exist.
@@ -49,6 +55,12 @@ pub fn validate(configuration: &WorldConfiguration, schema: &FeatureSchema) -> R
     for (option, value, holds, expected) in checks.into_iter().chain(pilot.into_iter().flatten()) {
         if !holds {
             return Err(ConfigurationError::Range { option, value, expected });
+        }
+    }
+    if c.model == WorldModel::Simulator {
+        let places = slope::places(schema).ok_or(ConfigurationError::NotSimulated("are not in the schema"))?;
+        if places.iter().any(|place| c.excluded_columns.contains(&schema.columns[*place].name)) {
+            return Err(ConfigurationError::NotSimulated("excluded_columns leaves out"));
         }
     }
     match c.excluded_columns.iter().find(|name| !schema.columns.iter().any(|column| column.name == **name)) {

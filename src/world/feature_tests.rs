@@ -115,7 +115,7 @@ fn edited() -> (Program, Program, ProgramPatch) {
 /// The features of that edit by name, with a scene in which the parent was hit and one in which it was not.
 fn features_of_edit() -> impl Fn(&str) -> f64 {
     let (parent, child, patch) = edited();
-    let schema = schema(&[FamilyName::new("cat")]);
+    let schema = schema(&[FamilyName::new("cat")], false);
     let score = Score {
         objectives: Objectives { attack: 0.5, realism: 0.75 },
         realism_all: 0.75,
@@ -133,6 +133,7 @@ fn features_of_edit() -> impl Fn(&str) -> f64 {
         mechanism_tags: &["a".into(), "b".into()],
         parent_score: &score,
         probes: &[pair(3.0, 1.0, false), pair(5.0, 2.0, false), pair(9.0, 9.0, true)],
+        simulated: None,
     };
     let scene = fixture::two_lane_scene();
     let (features, log) = (SceneFeatures::of(&scene, &LaneGraph::of(&scene.road)), Interaction::of(&scene));

@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 
 use crate::kernel::{Digest, num};
 use crate::objects::{
-    FamilyName, FeatureColumn, FeatureGroup, FeatureSchema, OperationKind, ParameterValue, ProbePair, Program,
-    ProgramPatch, SceneScore, Score, Slot, WorldRow,
+    FamilyName, FeatureColumn, FeatureGroup, FeatureSchema, Objectives, OperationKind, ParameterValue, ProbePair,
+    Program, ProgramPatch, SceneScore, Score, Slot, WorldRow,
 };
 use crate::scene::SceneFeatures;
 
@@ -64,6 +64,8 @@ const PARENT: [&str; 7] = [
     "parent_open_acted",
     "parent_open_idle_contact",
 ];
+/// What our own simulator shows of the window, child less parent, as it is in an open scene.
+const SIMULATED: [&str; 2] = ["simulated_attack_change", "simulated_realism_change"];
 const PROBE: [&str; 7] =
     ["ego_distance_m_min", "conflict_s", "begins_s", "off_road_m", "acceleration_mps2", "jerk_mps3", "actors"];
 
@@ -83,8 +85,8 @@ pub enum FeatureError {
     },
 }
 
-/// Columns for a run with these families, in the groups' order.
-pub fn schema(families: &[FamilyName]) -> FeatureSchema {
+/// Columns for a run with these families, in the groups' order. With `simulated` there are some of our own simulator's.
+pub fn schema(families: &[FamilyName], simulated: bool) -> FeatureSchema {
     let families: Vec<FamilyName> = families.iter().cloned().collect::<BTreeSet<_>>().into_iter().collect();
     let mut columns: Vec<FeatureColumn> = Vec::new();
     let mut add = |name: String, group| columns.push(FeatureColumn { name, group });
@@ -101,6 +103,8 @@ pub fn schema(families: &[FamilyName]) -> FeatureSchema {
         .for_each(|n| add(n.to_string(), FeatureGroup::Probe));
     PROBE.iter().for_each(|name| add(format!("probe_{name}"), FeatureGroup::Probe));
     PROBE.iter().for_each(|name| add(format!("probe_change_{name}"), FeatureGroup::Probe));
+    let simulated = if simulated { &SIMULATED[..] } else { &[] };
+    simulated.iter().for_each(|name| add(name.to_string(), FeatureGroup::Simulated));
     FeatureSchema { families, columns }
 }
 
@@ -119,6 +123,9 @@ pub struct CandidateView<'a> {
     pub parent_score: &'a Score,
     /// Both compiled on probe scenes.
     pub probes: &'a [ProbePair],
+    /// The difference of their labels in our own simulator on the window, child less parent; `None` where the schema has no columns of
+    /// that.
+    pub simulated: Option<Objectives>,
 }
 
 /// A scene of the window, and whether the child may differ from its parent in it.
@@ -154,6 +161,7 @@ pub fn row(
     values.extend(parent_values(candidate.parent_score, &open));
     values.push(open_share);
     values.extend(probe_values(candidate.probes));
+    values.extend(candidate.simulated.iter().flat_map(|shown| in_open_scene(shown, open_share)));
     if let Some(place) = values.iter().position(|value| !value.is_finite()) {
         let column = schema.columns.get(place).map_or_else(String::new, |column| column.name.clone());
         return Err(FeatureError::NotFinite { column, candidate: candidate.program.solution_id.to_string() });
@@ -162,6 +170,12 @@ pub fn row(
     let mechanism_class = if tags.is_empty() { "none".to_string() } else { tags.join("+") };
     let parent = candidate.parent_score.objectives;
     Ok(WorldRow { features: values, open_share, parent, family, mechanism_class })
+}
+
+/// A difference over a window as it is in each of its open scenes, which alone can differ; zeros where none is open.
+fn in_open_scene(of: &Objectives, open_share: f64) -> [f64; 2] {
+    let share = if open_share > 0.0 { open_share } else { f64::INFINITY };
+    [of.attack / share, of.realism / share]
 }
 
 fn flag(holds: bool) -> f64 {

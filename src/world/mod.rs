@@ -13,6 +13,7 @@ mod pilot;
 mod prediction;
 mod ridge;
 mod router;
+mod slope;
 mod table;
 
 pub use audit::audit;

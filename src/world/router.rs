@@ -9,8 +9,8 @@ use super::{
 };
 use crate::kernel::{Digest, Seed, Stream, canon::CanonError};
 use crate::objects::{
-    LineageId, Objectives, Pilot, Regression, Route, RouteDecision, RoutingChoice, RoutingOptions, WorldFit, WorldRow,
-    WorldSnapshot,
+    LineageId, Objectives, Pilot, Regression, Route, RouteDecision, RoutingChoice, RoutingOptions, WorldConfiguration,
+    WorldFit, WorldModel, WorldRow, WorldSnapshot,
 };
 
 /// How the reason of a candidate opens that was drawn among those that the rank left out.
@@ -94,9 +94,8 @@ impl<'s> Router<'s> {
         if row.features.iter().any(|value| !value.is_finite()) {
             return Err(RouterError::Row("a feature is not finite".to_string()));
         }
-        let nothing = Objectives { attack: 0.0, realism: 0.0 };
-        let difference =
-            self.snapshot.fit.as_ref().map_or(nothing, |fit| difference(&self.snapshot.configuration, fit, row));
+        let WorldSnapshot { schema, configuration, fit } = self.snapshot;
+        let difference = difference(configuration, schema, fit.as_ref(), row);
         let half_width = self.snapshot.fit.as_ref().and_then(|fit| Some(fit.half_width?.times(spread(row))));
         let configuration = &self.snapshot.configuration;
         let gain = |of: &Objectives| of.attack + configuration.realism_weight * of.realism;
@@ -110,8 +109,9 @@ impl<'s> Router<'s> {
 
     /// The routes of an epoch's admitted candidates, in their order.
     pub fn routes(&self, predictions: &[Prediction], stream: &mut Stream) -> Vec<Route> {
+        let configuration = &self.snapshot.configuration;
         let labels = self.snapshot.fit.as_ref().map_or(0, |fit| fit.labels);
-        let allotted = allot(predictions, labels, &self.snapshot.configuration.routing, stream);
+        let allotted = allot(predictions, too_few(labels, configuration), &configuration.routing, stream);
         let route = |(prediction, (decision, weight, reason)): (&Prediction, Allotted)| Route {
             decision,
             reason: format!("{reason}; {}", numbers(prediction)),
@@ -147,22 +147,39 @@ fn numbers(prediction: &Prediction) -> String {
 /// A decision, for how many candidates a drawn one stands, and why.
 pub type Allotted = (RouteDecision, Option<f64>, String);
 
+/// How many candidates are labelled, where these are too few to rank anybody. Behind a pilot or a rollout of our own something is known
+/// of everybody, however few were labelled before.
+pub(super) fn too_few(labels: u32, configuration: &WorldConfiguration) -> Option<u32> {
+    let WorldConfiguration { model, routing, .. } = configuration;
+    let all_known = routing.pilot.is_some() || *model == WorldModel::Simulator;
+    (labels < routing.min_labels && !all_known).then_some(labels)
+}
+
 /// Who gets the rollouts of an epoch.
 ///
-/// 1. Fewer labels than `min_labels` and no pilot, or a random choice: the budget is drawn at random; each drawn one stands for as many as
-///    there are for one place of the budget.
+/// 1. So few labels that nobody can be ranked, or a random choice: the budget is drawn at random; each drawn one stands for as many
+///    as there are for one place of the budget.
 /// 2. A candidate is weak that is predicted to lose more than λ_A of attack or λ_R of realism, with an uncertainty of at most λ_U.
 /// 3. The budget less its audits goes to the best by rank that are not weak.
 /// 4. The others are cut into as many strata as there are audits, by rank, and one of each is drawn: it stands for its stratum.
-pub fn allot(predictions: &[Prediction], labels: u32, options: &RoutingOptions, stream: &mut Stream) -> Vec<Allotted> {
+pub fn allot(
+    predictions: &[Prediction],
+    too_few: Option<u32>,
+    options: &RoutingOptions,
+    stream: &mut Stream,
+) -> Vec<Allotted> {
     let n = predictions.len();
     let budget = (options.rollout_budget as usize).min(n);
     // It is drawn in every case, so that another budget changes no other draw of the stream.
     let draw = stream.unit();
-    // Behind a pilot something is known of everybody, however few were labelled before.
-    let scarce = labels < options.min_labels && options.pilot.is_none();
-    if options.choice == RoutingChoice::Random || scarce {
-        return drawn(n, budget, labels, options, stream);
+    match (options.choice, too_few) {
+        (RoutingChoice::Random, _) => return drawn(n, budget, "the choice is random", stream),
+        (RoutingChoice::Ranked, Some(labels)) => {
+            let needed = options.min_labels;
+            let why = format!("{labels} labelled candidates, {needed} needed before anybody is ranked");
+            return drawn(n, budget, &why, stream);
+        }
+        (RoutingChoice::Ranked, None) => {}
     }
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&a, &b| predictions[b].rank_score.total_cmp(&predictions[a].rank_score).then(a.cmp(&b)));
@@ -196,15 +213,9 @@ pub(super) fn is_weak(prediction: &Prediction, options: &RoutingOptions) -> bool
 }
 
 /// The budget at random.
-fn drawn(n: usize, budget: usize, labels: u32, options: &RoutingOptions, stream: &mut Stream) -> Vec<Allotted> {
+fn drawn(n: usize, budget: usize, why: &str, stream: &mut Stream) -> Vec<Allotted> {
     let mut order: Vec<usize> = (0..n).collect();
     stream.shuffle(&mut order);
-    let why = match options.choice {
-        RoutingChoice::Random => "the choice is random".to_string(),
-        RoutingChoice::Ranked => {
-            format!("{labels} labelled candidates, {} needed before anybody is ranked", options.min_labels)
-        }
-    };
     let chosen = &order[..budget];
     let one = |place: usize| match chosen.contains(&place) {
         true => (RouteDecision::Audit, Some(n as f64 / budget as f64), format!("audit: drawn at random, {why}")),
@@ -231,6 +242,9 @@ fn mismatch(fit: &WorldFit, columns: usize) -> Option<String> {
     [&fit.attack, &fit.realism].into_iter().find_map(|regression| match regression {
         Regression::Ridge(line) => (!line.weights.is_empty() && line.weights.len() != p)
             .then(|| format!("{} weights for {p} columns", line.weights.len())),
+        Regression::Simulated(line) => {
+            (line.column >= columns).then(|| format!("a slope reads a column beyond the {columns} of the schema"))
+        }
         Regression::Boosted(model) => (!model.trees.iter().all(|tree| boosted::is_sound(tree, p)))
             .then(|| "a tree leads nowhere or reads a column that is not there".to_string()),
     })

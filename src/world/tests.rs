@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 
+use super::router::too_few;
 use super::table::Table;
 use super::*;
 use crate::kernel::{Digest, Seed, Threads, Vec2};
@@ -101,7 +102,13 @@ fn routed(
     options: &RoutingOptions,
     seed: u64,
 ) -> Vec<(RouteDecision, Option<f64>, String)> {
-    allot(predictions, 100, options, &mut audit_stream(Seed(seed), &LineageId::new("cat-idm"), 1))
+    let configuration = WorldConfiguration { routing: options.clone(), ..configuration(WorldModel::Ridge) };
+    allot(
+        predictions,
+        too_few(100, &configuration),
+        options,
+        &mut audit_stream(Seed(seed), &LineageId::new("cat-idm"), 1),
+    )
 }
 
 fn one_thread() -> Threads {
@@ -347,9 +354,59 @@ fn a_snapshot_read_back_predicts_as_before_and_a_damaged_one_is_refused() {
         match &mut back.fit.as_mut().unwrap().attack {
             Regression::Ridge(line) => drop(line.weights.pop()),
             Regression::Boosted(model) => model.trees[0].nodes.truncate(1),
+            Regression::Simulated(line) => line.column = 2,
         }
         assert!(matches!(Router::new(&back), Err(RouterError::Inconsistent(_))));
     }
+}
+
+/// A schema of a plain column and of what our own simulator shows.
+fn with_simulator() -> FeatureSchema {
+    let column = |(name, group): (&str, FeatureGroup)| FeatureColumn { name: name.into(), group };
+    let simulated = ["attack", "realism"].map(|name| (name, FeatureGroup::Simulated));
+    let columns = [("x0", FeatureGroup::Scene)].into_iter().chain(simulated).map(column).collect();
+    FeatureSchema { families: vec![FamilyName::new("cat")], columns }
+}
+
+#[test]
+fn what_our_own_simulator_shows_ranks_before_any_label_and_is_scaled_by_labels_alone() {
+    let routing = RoutingOptions { min_labels: 30, ..options(2, 0.0) };
+    let founding = configuration(WorldModel::Simulator);
+    let configuration = WorldConfiguration { ridge_lambda: 10.0, beta_attack: 0.3, routing, ..founding };
+    let settle = |labels: &[WorldLabel], epoch| {
+        let labels: Vec<&WorldLabel> = labels.iter().collect();
+        settle(&with_simulator(), &configuration, &labels, epoch, &one_thread()).unwrap()
+    };
+    let shown = |snapshot: &WorldSnapshot, attack| {
+        Router::new(snapshot).unwrap().predict(&xi(&[7.0, attack, -0.1], 0.5)).unwrap()
+    };
+    let unlabelled = settle(&[], 0);
+    let first = shown(&unlabelled, 0.4);
+    assert_eq!((first.difference.attack, first.difference.realism), (0.2, -0.05), "as it is, over the open half");
+    let routes = Router::new(&unlabelled).unwrap().routes(
+        &[0.0, 0.4, 0.2].map(|attack| shown(&unlabelled, attack)),
+        &mut audit_stream(Seed(1), &LineageId::new("cat-idm"), 0),
+    );
+    let selected: Vec<bool> = routes.iter().map(|route| route.decision == RouteDecision::Select).collect();
+    assert_eq!(selected, [false, true, true], "the best two, though nobody is labelled");
+    // Forty candidates gain half of what ours shows, and .1 besides, which the mean of the group would add to all.
+    let at = |k: u32| 0.01 * f64::from(k) - 0.2;
+    let labels: Vec<WorldLabel> = (0..40).map(|k| label(0, &[7.0, at(k), 0.0], 0.5 * at(k))).collect();
+    let settled = settle(&labels, 1);
+    let slope = (10.0 + 40.0 * 0.5) / 50.0;
+    assert!((shown(&settled, 0.4).difference.attack - 0.2 * slope).abs() < 1e-12, "ten labels for a slope of one");
+    assert_eq!(shown(&settled, 0.0).difference.attack, 0.0, "no mean is mixed in");
+    assert!(settled.fit.unwrap().half_width.is_some());
+}
+
+#[test]
+fn our_own_simulator_ranks_nobody_where_its_columns_are_missing() {
+    let mut simulator = configuration(WorldModel::Simulator);
+    let refused = settle(&columns(2), &simulator, &[], 0, &one_thread()).unwrap_err().to_string();
+    assert!(refused.contains("are not in the schema"), "{refused}");
+    simulator.excluded_columns = vec!["realism".into()];
+    let refused = settle(&with_simulator(), &simulator, &[], 0, &one_thread()).unwrap_err().to_string();
+    assert!(refused.contains("excluded_columns leaves out"), "{refused}");
 }
 
 #[test]
@@ -449,7 +506,7 @@ fn features_fill_the_groups_in_the_schemas_order() {
         cluster_refs_used: Vec::new(),
         repair_summary: None,
     };
-    let schema = schema(&[FamilyName::new("cat"), FamilyName::new("at"), FamilyName::new("cat")]);
+    let schema = schema(&[FamilyName::new("cat"), FamilyName::new("at"), FamilyName::new("cat")], false);
     let scene = fixture::two_lane_scene();
     let (of_scene, interaction) = (SceneFeatures::of(&scene, &LaneGraph::of(&scene.road)), Interaction::of(&scene));
     let score = Score {
@@ -472,6 +529,7 @@ fn features_fill_the_groups_in_the_schemas_order() {
         mechanism_tags: &[],
         parent_score: &score,
         probes: &probes,
+        simulated: None,
     };
     let seen = |id: &'static str, open| SceneView { id, features: &of_scene, interaction: &interaction, open };
     let xi = row(&schema, &view, &[seen("s", true), seen("t", false)]).unwrap();

@@ -183,3 +183,42 @@ fn agree_init_writes_a_study_that_both_simulators_can_record_and_agree_compares(
         assert!(refused.stderr.contains(expected), "{}", refused.stderr);
     }
 }
+
+#[test]
+fn our_own_simulator_predicts_labels_of_another_one_and_of_no_planner_or_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let sets = ["--set", "world.model=simulator", "--set", "budget.epochs=2", "--set", "budget.slots=6"];
+    let call = |command: &str, path: &Path, out: &str| {
+        let out = folder.path().join(out);
+        let ran = Ran::of(
+            evodrive()
+                .args([command, path.to_str().unwrap(), "--no-report", "--out", out.to_str().unwrap()])
+                .args(sets),
+        );
+        (ran, out)
+    };
+    let (refused, _) = call("record", &experiment(folder.path(), "plain", ""), "p");
+    assert_eq!(refused.code, 2, "{}", refused.stderr);
+    let says = "\"simulator\" needs [simulator.backend]";
+    assert!(refused.stderr.contains("world.model") && refused.stderr.contains(says), "{}", refused.stderr);
+
+    // A worker that is our own simulator: what it says is known before it is asked.
+    let own = experiment(folder.path(), "own", &worker(&[env!("CARGO_BIN_EXE_evodrive"), "worker"]));
+    let (recorded, out) = call("record", &own, "r");
+    assert_eq!(recorded.code, 0, "{}", recorded.stderr);
+    let events = std::fs::read_to_string(folder_below(&out).join("transcript.jsonl")).unwrap();
+    let events: Vec<serde_json::Value> = events.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let exits = events.iter().filter(|event| event["kind"] == "attempt").map(|event| &event["body"]["exit"]);
+    let labelled: Vec<&serde_json::Value> = exits.filter(|exit| !exit["score"].is_null()).collect();
+    assert!(labelled.len() >= 4, "{} labels", labelled.len());
+    for exit in labelled {
+        for of in ["attack", "realism"] {
+            let of = |side: &serde_json::Value| side[of].as_f64().unwrap();
+            let (predicted, label) = (of(&exit["route"]["predicted"]), of(&exit["score"]["objectives"]));
+            assert!((predicted - label).abs() < 1e-9, "{predicted} {label}");
+        }
+    }
+    let root = recorded.root();
+    let (replayed, _) = call("run", &own, "again");
+    assert_eq!(replayed.root(), root, "{}", replayed.stderr);
+}

@@ -26,6 +26,11 @@ fn small(folder: &Path, change: impl FnOnce(&mut toml::Table)) -> PathBuf {
     let routing = table["world"]["routing"].as_table_mut().unwrap();
     routing.insert("rollout_budget".into(), 2.into());
     routing["pilot"]["scenes"] = (SCENES as i64).into();
+    // Every contact counts, so that parents have some attack.
+    let attack = table["evaluation"]["attack"].as_table_mut().unwrap();
+    let classes = ["counts", "counts_if_avoidable"].map(|key| attack[key].as_array().unwrap().clone()).concat();
+    attack.insert("counts".into(), classes.into());
+    attack.insert("counts_if_avoidable".into(), toml::Value::Array(Vec::new()));
     table.insert("seeds".into(), 1.into());
     change(&mut table);
     write_small(folder, table)
@@ -94,6 +99,22 @@ fn pilots_rank_the_candidates_and_say_what_they_saw() {
     let beside = evodrive(&["world", run.to_str().unwrap(), "--full", run.to_str().unwrap(), "--json"]);
     let beside: Value = serde_json::from_str(&beside.stdout).unwrap();
     assert_eq!((beside["rollout_share"].as_f64(), beside["candidate_share"].as_f64()), (Some(1.0), Some(1.0)));
+    // What doing nothing would reach: the parents alone, on the pool that the windows have opened.
+    let last = |kind: &str| bodies(run, kind);
+    let area: BTreeMap<String, f64> = last("settled")
+        .iter()
+        .map(|body| (body["lineage"].to_string(), body["hypervolume"].as_f64().unwrap()))
+        .collect();
+    let alone: Vec<f64> = last("finalist")
+        .iter()
+        .filter(|body| body["solution"].as_str().unwrap().ends_with("/parent"))
+        .map(|body| &body["score"]["objectives"])
+        .map(|of| of["attack"].as_f64().unwrap() * of["realism"].as_f64().unwrap())
+        .collect();
+    assert_eq!(alone.len(), area.len());
+    let expected = alone.iter().sum::<f64>() / area.values().sum::<f64>();
+    let share = beside["parents_share"].as_f64().expect("the windows opened the whole pool");
+    assert!((share - expected).abs() < 1e-9 && share > 0.0, "{share} {expected}");
 }
 
 #[test]

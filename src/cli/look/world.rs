@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use crate::cli::records::{folder::RunFolder, run_name::OneRun};
 use crate::cli::terminal::{answer::Answer, exit::Failure, width::stdout_width};
+use crate::evidence::RecordedRun;
 use crate::evidence::evaluator::{report, text};
 
 #[derive(Debug, Args)]
@@ -19,7 +20,11 @@ pub struct Options {
 
 pub fn run(options: &Options) -> Result<Answer, Failure> {
     let run = options.run.folder()?.recorded()?;
-    let full = options.full.as_deref().map(|dir| RunFolder::find(Some(dir))?.recorded()).transpose()?;
-    let quality = report(&run, full.as_ref());
+    let full = options.full.as_deref().map(|dir| RunFolder::find(Some(dir))).transpose()?;
+    let beside = |folder: RunFolder| -> Result<(RecordedRun, [f64; 2]), Failure> {
+        Ok((folder.recorded()?, folder.read_experiment()?.archive.reference))
+    };
+    let full = full.map(beside).transpose()?;
+    let quality = report(&run, full.as_ref().map(|(full, reference)| (full, *reference)));
     Ok(Answer::new(text(&quality, stdout_width().unwrap_or(usize::MAX)), json!(quality)))
 }

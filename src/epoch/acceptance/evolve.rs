@@ -53,7 +53,7 @@ fn turn(
     }
     let audit = audit(&judging, active, &evidence, &incumbent);
     // "dphi <- WorldAgent(T_W)", refused where it is not in U_W.
-    let surface = update_surface(options.audit_share);
+    let surface = update_surface(options.audit_share, schema);
     let model = study.models.get(&Role::WorldAgent).ok_or(AgentError::NoModel { role: Role::WorldAgent.name() })?;
     let (earlier, rounds) = (&state.evolved, options.rounds);
     let asked = Turn { epoch, active, schema, surface: &surface, audit: &audit, earlier, rounds, model };

@@ -48,6 +48,21 @@ impl Labelling<'_> {
         Ok(evaluate(&asked.subject, &asked.scenes, &label, &study.evaluation, tools.rollouts, tools.threads)?)
     }
 
+    /// What our own simulator would label a program with on the scenes at these places, where another one makes the labels. It plays the
+    /// commands that this one will get. `None` where no scene can be labelled.
+    pub fn predicted(&self, subject: (&Program, Digest), places: &[usize]) -> Result<Option<Score>, RunError> {
+        let Labelling { study, tools, .. } = *self;
+        tools.go_on()?;
+        let asked = Asked::of(self, subject, places)?;
+        let subject = Subject { simulator: study.predicting()?, ..asked.subject };
+        let label = |i: usize| asked.predicted(i);
+        match evaluate(&subject, &asked.scenes, &label, &study.evaluation, &tools.predictions, tools.threads) {
+            Ok(score) => Ok(Some(score)),
+            Err(EvaluationError::NoLabel(_)) => Ok(None),
+            Err(error) => Err(error.into()),
+        }
+    }
+
     /// Makes labels of many programs that will be needed, all in one parallel map: asked for program by program, threads
     /// would wait at the end of each one's scenes. A plan is asked for them. What gives no label is left to who needs it.
     pub fn ahead(&self, programs: &[&Program], places: &[usize]) -> Result<(), RunError> {
@@ -334,6 +349,27 @@ impl Labelling<'_> {
         let anyway = meets_anyway(&tools.backend, &situation, &spec.ego, study.seed)?;
         Ok(record(&study.scenes[place], &spec.ego, prepared, anyway, &compiled.decision, outcome)?)
     }
+
+    /// The same from our own simulator, whoever makes the labels.
+    fn predicted_rollout(
+        &self,
+        prepared: &Prepared<'_>,
+        place: usize,
+        counsel: Option<&Counsel>,
+    ) -> Result<RolloutRecord, NoOutcome> {
+        let Labelling { study, spec, tools, .. } = *self;
+        let situation = tools.situations.at(place, &spec.ego, &tools.backend)?;
+        let made = self.compiled(prepared, place, &situation, counsel).map_err(|error| error.to_string())??;
+        let drawn = (study.seed, study.under(prepared.hash()));
+        let own = |intervention: &Intervention| Backend::Own.rollout(&situation.plant, intervention, &spec.ego, drawn);
+        let outcome = own(&made.compiled.intervention)?;
+        let anyway = match study.plans_around_backend() {
+            // The situation holds the drive of the other simulator's ego.
+            true => own(&Intervention::default())?.contact.map(|contact| contact.with),
+            false => situation.ego_meets,
+        };
+        Ok(record(&study.scenes[place], &spec.ego, prepared, anyway, &made.compiled.decision, outcome)?)
+    }
 }
 
 /// Adds what came of a child in one probe scene: it beside its parent, or why it cannot be lowered.
@@ -378,16 +414,22 @@ impl<'a> Asked<'a> {
 
     /// The label of scene number `i`, compiled and rolled out now; in a plan why there is none.
     fn label(&self, i: usize) -> Result<RolloutRecord, NoOutcome> {
-        let Labelling { study, spec, tools, .. } = *self.labelling;
         let (place, counsel) = (self.places[i], self.counsels[i]);
-        if tools.wanted.is_some() {
+        if self.labelling.tools.wanted.is_some() {
             return Err(NoOutcome::Scene(self.labelling.known_reason(self.subject.program, place, counsel)?));
         }
+        self.labelling.rollout(self.prepared()?, place, counsel)
+    }
+
+    /// The same from our own simulator, also in a plan: it costs no more than finding out what is missing.
+    fn predicted(&self, i: usize) -> Result<RolloutRecord, NoOutcome> {
+        self.labelling.predicted_rollout(self.prepared()?, self.places[i], self.counsels[i])
+    }
+
+    fn prepared(&self) -> Result<&Prepared<'_>, NoOutcome> {
+        let Labelling { study, spec, tools, .. } = *self.labelling;
         let source = study.source(spec).map_err(|error| error.to_string())?;
-        match self.program.prepared(source, &tools.searched) {
-            Ok(prepared) => self.labelling.rollout(prepared, place, counsel),
-            Err(failure) => Err(NoOutcome::Scene(failure.to_string())),
-        }
+        self.program.prepared(source, &tools.searched).map_err(|failure| NoOutcome::Scene(failure.to_string()))
     }
 }
 

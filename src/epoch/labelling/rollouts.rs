@@ -116,6 +116,11 @@ impl<'a> Rollouts<'a> {
         Rollouts { store, mode, seen: Mutex::new(Seen::default()), records, trials }
     }
 
+    /// The same store under a count of its own: for rollouts on which no label rests.
+    pub fn beside(&self) -> Rollouts<'a> {
+        Rollouts::new(self.store, self.mode)
+    }
+
     /// Makes every record kept so far survive a power cut.
     pub fn flush(&self) -> Result<(), StoreError> {
         self.store.flush()

@@ -46,6 +46,8 @@ pub struct Tools<'a> {
     pub threads: &'a Threads,
     /// Labels that are on record.
     pub rollouts: &'a Rollouts<'a>,
+    /// Rollouts of our own simulator that only predict what another one will say. They count among no label's.
+    pub(in crate::epoch) predictions: Rollouts<'a>,
     pub meter: Meter<'a>,
     /// Who simulates rollouts for labels.
     pub backend: Backend<'a>,
@@ -80,6 +82,7 @@ impl<'a> Tools<'a> {
             open,
             threads,
             rollouts,
+            predictions: rollouts.beside(),
             meter,
             backend,
             wanted,

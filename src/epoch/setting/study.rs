@@ -18,6 +18,7 @@ use crate::llm::ModelSpec;
 use crate::memory::{CurationOptions, MemoryOptions};
 use crate::objects::{
     Composed, FamilyName, Gate, LineageId, Origin, ParameterValue, Program, Role, RoutingChoice, WorldConfiguration,
+    WorldModel,
 };
 use crate::scene::{PreparedScene, Scene, SceneFeatures};
 use crate::sim::SimulatorOptions;
@@ -181,6 +182,21 @@ impl Study {
             skipped: self.skipped_gates(),
             closed: self.without.closed(),
             fixed_bodies: self.fixed_bodies,
+        }
+    }
+
+    /// Whether candidates are simulated here before another simulator labels some of them: the columns that its world evaluator has
+    /// from that, which every configuration of its agent may read.
+    pub fn simulates_before(&self) -> bool {
+        self.world.model == WorldModel::Simulator
+    }
+
+    /// What of our own simulator counts into a rollout that only predicts. Where the commands are those of a run without a backend,
+    /// the rollout is that run's.
+    pub fn predicting(&self) -> Result<Digest, CanonError> {
+        match self.plans_around_backend() {
+            true => Digest::of("evodrive/predicting/1", &self.rules()?),
+            false => self.simulator.digest(),
         }
     }
 

@@ -6,21 +6,49 @@ use crate::epoch::RunError;
 use crate::epoch::acceptance::rival;
 use crate::epoch::briefs::in_effect::InScene;
 use crate::epoch::freeze::{Parent, Snapshot};
+use crate::epoch::labelling::labels::Labelling;
+use crate::epoch::setting::desk::Tools;
 use crate::epoch::setting::study::Study;
-use crate::objects::{Candidate, ProbePair, ProgramPatch, Route};
+use crate::objects::{Candidate, Objectives, ProbePair, ProgramPatch, Route};
 use crate::world::{CandidateView, Prediction, Router, SceneView, audit_stream, row};
 
 /// A worker's last step: predicts an admitted candidate.
-pub fn predict(study: &Study, snapshot: &Snapshot<'_>, router: &Router<'_>, draft: Draft) -> Result<Draft, RunError> {
+pub fn predict(
+    study: &Study,
+    snapshot: &Snapshot<'_>,
+    router: &Router<'_>,
+    draft: Draft,
+    tools: &Tools<'_>,
+) -> Result<Draft, RunError> {
     draft.next(|slot, reached| match reached {
         Reached::Admitted { gates, candidate, patch, probes, in_effect } => {
             let parent = snapshot.parent_of(slot);
             let known = (patch.as_ref(), probes.as_slice(), in_effect.as_slice());
-            let predicted = Box::new(predicted(study, snapshot, router, parent, (*candidate, known))?);
+            let simulated = simulated(study, snapshot, parent, &candidate, tools)?;
+            let predicted = Box::new(predicted(study, snapshot, router, parent, (*candidate, known), simulated)?);
             Ok(Reached::Predicted { gates, predicted })
         }
         ended => Ok(ended),
     })
+}
+
+/// What our own simulator shows on the window, candidate less parent, where the evaluator goes by that. Where it can label one of the
+/// two nowhere, nothing is shown.
+fn simulated(
+    study: &Study,
+    snapshot: &Snapshot<'_>,
+    parent: &Parent,
+    candidate: &Candidate,
+    tools: &Tools<'_>,
+) -> Result<Option<Objectives>, RunError> {
+    if !study.simulates_before() {
+        return Ok(None);
+    }
+    let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
+    let own = labelling.predicted((&candidate.program, candidate.program_hash), &snapshot.window)?;
+    let before = labelling.predicted((&parent.program, parent.hash), &snapshot.window)?;
+    let difference = own.zip(before).map(|(own, before)| own.objectives.less(&before.objectives));
+    Ok(Some(difference.unwrap_or(Objectives { attack: 0.0, realism: 0.0 })))
 }
 
 fn predicted(
@@ -29,6 +57,7 @@ fn predicted(
     router: &Router<'_>,
     parent: &Parent,
     (candidate, (patch, probes, child)): (Candidate, (&ProgramPatch, &[ProbePair], &[InScene])),
+    simulated: Option<Objectives>,
 ) -> Result<Predicted, RunError> {
     let open: Vec<bool> =
         child.iter().zip(&parent.in_effect).map(|(child, parent)| child.digest != parent.digest).collect();
@@ -43,6 +72,7 @@ fn predicted(
         mechanism_tags: &candidate.mechanism_tags,
         parent_score: &parent.score,
         probes,
+        simulated,
     };
     let row = row(&snapshot.world.schema, &view, &scenes.collect::<Vec<_>>())?;
     let prediction = router.predict(&row)?;

@@ -8,9 +8,10 @@ use super::{
     evolution::Evolution,
     quality::{Quality, quality},
 };
+use crate::archive::hypervolume;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
-use crate::objects::{Attempt, LineageId};
+use crate::objects::{Attempt, LineageId, Objectives, event::Finalist};
 
 /// The measures of a run.
 #[derive(Clone, Debug, Serialize)]
@@ -49,10 +50,21 @@ pub struct Against {
     /// Lineages with more hypervolume than in the other run, and with less.
     pub lineages_better: usize,
     pub lineages_worse: usize,
+    /// What the parents alone have, as a share of the other run's: what doing nothing would reach. `None` where the windows did not open
+    /// the whole evolution pool, on which parents are measured.
+    pub parents_share: Option<f64>,
 }
 
-/// Measures a run, beside the full search where one is given.
-pub fn report(run: &RecordedRun, full: Option<&RecordedRun>) -> EvaluatorReport {
+impl Against {
+    /// What was gained over the parents, as a share of what the other run gained; `None` where that gained nothing.
+    pub fn gain_share(&self) -> Option<f64> {
+        let parents = self.parents_share.filter(|parents| *parents < 1.0)?;
+        Some((self.hypervolume_share - parents) / (1.0 - parents))
+    }
+}
+
+/// Measures a run, beside the full search where one is given, with the point from which hypervolumes are measured.
+pub fn report(run: &RecordedRun, full: Option<(&RecordedRun, [f64; 2])>) -> EvaluatorReport {
     let cases = case::cases(run);
     let of =
         |wanted: &dyn Fn(&Case) -> bool| quality(&cases.iter().filter(|case| wanted(case)).collect::<Vec<&Case>>());
@@ -62,11 +74,11 @@ pub fn report(run: &RecordedRun, full: Option<&RecordedRun>) -> EvaluatorReport 
         epochs.entry(case.epoch).or_insert_with(|| of(&|other| other.epoch == case.epoch));
         families.entry(case.family.to_string()).or_insert_with(|| of(&|other| other.family == case.family));
     }
-    let against = full.and_then(|full| against(run, full));
+    let against = full.and_then(|(full, reference)| against(run, full, reference));
     EvaluatorReport { pooled: of(&|_| true), epochs, families, against, evolution: Evolution::of(run) }
 }
 
-fn against(run: &RecordedRun, full: &RecordedRun) -> Option<Against> {
+fn against(run: &RecordedRun, full: &RecordedRun, reference: [f64; 2]) -> Option<Against> {
     let last = |run: &RecordedRun| -> BTreeMap<LineageId, f64> {
         run.settled.iter().map(|settled| (settled.lineage.clone(), settled.hypervolume)).collect()
     };
@@ -74,6 +86,7 @@ fn against(run: &RecordedRun, full: &RecordedRun) -> Option<Against> {
     let shared: Vec<&LineageId> = own.keys().filter(|lineage| other.contains_key(*lineage)).collect();
     let sum = |of: &BTreeMap<LineageId, f64>| num::sum(shared.iter().map(|lineage| of[*lineage]));
     let area = sum(&other);
+    let parents = parents(run, reference).filter(|parents| shared.iter().all(|lineage| parents.contains_key(*lineage)));
     let of = |run: &RecordedRun, count: fn(&Attempt) -> usize| -> f64 {
         run.attempts.iter().filter(|attempt| shared.contains(&&attempt.lineage)).map(count).sum::<usize>() as f64
     };
@@ -88,7 +101,26 @@ fn against(run: &RecordedRun, full: &RecordedRun) -> Option<Against> {
         hypervolume_difference_error: standard_error(&differences),
         lineages_better: differences.iter().filter(|difference| **difference > 0.0).count(),
         lineages_worse: differences.iter().filter(|difference| **difference < 0.0).count(),
+        parents_share: parents.map(|parents| sum(&parents) / area),
     })
+}
+
+/// Hypervolume of each lineage's parent alone on the whole evolution pool; `None` where the last fronts were measured on less.
+fn parents(run: &RecordedRun, reference: [f64; 2]) -> Option<BTreeMap<LineageId, f64>> {
+    let pool = run.opened.evolution_scenes.len();
+    if run.frozen.last()?.scenes_so_far < pool {
+        return None;
+    }
+    let of = |finalist: &&Finalist| {
+        run.parents
+            .iter()
+            .any(|parent| parent.lineage == finalist.lineage && parent.program.solution_id == finalist.solution)
+    };
+    let alone = |finalist: &Finalist| {
+        let Objectives { attack, realism } = finalist.score.objectives;
+        (finalist.lineage.clone(), hypervolume(&[[attack, realism]], reference))
+    };
+    Some(run.finalists.iter().filter(of).map(alone).collect())
 }
 
 /// Scenes in which a candidate was rolled out: those of its window, or of its pilot where it went no farther.

@@ -60,6 +60,13 @@ pub fn text(report: &EvaluatorReport, width: usize) -> String {
             against.lineages_better,
             against.lineages_worse
         );
+        if let Some(parents) = against.parents_share {
+            let gained = match against.gain_share() {
+                Some(gain) => format!("this run gained {:.1} % of what it gained over them", 100.0 * gain),
+                None => "it gained nothing over them".to_string(),
+            };
+            let _ = writeln!(out, "the parents alone have {:.1} % of its hypervolume; {gained}", 100.0 * parents);
+        }
     }
     if let Some(evolution) = &report.evolution {
         out.push_str(&evolution.text());

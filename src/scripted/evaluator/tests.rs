@@ -19,7 +19,7 @@ fn founding() -> WorldConfiguration {
 }
 
 fn columns() -> FeatureSchema {
-    schema(&[FamilyName::new("cat")])
+    schema(&[FamilyName::new("cat")], false)
 }
 
 /// An audit in which all is well but what `measures` says.
@@ -55,7 +55,7 @@ fn well() -> WorldMeasures {
 }
 
 fn asked(active: &WorldConfiguration, measures: WorldMeasures, earlier: &[WorldEvolved], of: &ModelSpec) -> Evolution {
-    let (schema, surface, audit) = (columns(), update_surface([0.2, 0.5]), audit(measures));
+    let (schema, surface, audit) = (columns(), update_surface([0.2, 0.5], &columns()), audit(measures));
     let epoch = 2 + earlier.len() as u32;
     let turn = Turn { epoch, active, schema: &schema, surface: &surface, audit: &audit, earlier, rounds: 2, model: of };
     let usable = |patch: &WorldPatch| patch.applied(active, &schema, &surface).map_err(|error| error.to_string());

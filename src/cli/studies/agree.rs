@@ -12,7 +12,7 @@ use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::Failure;
 use crate::epoch::{LineageSpec, Player, Study, cluster_of};
 use crate::evidence::RecordedRun;
-use crate::evidence::agreement::{Meeting, Pair, Report, Side, Tried, report, text};
+use crate::evidence::agreement::{Descent, Meeting, Pair, Report, Side, Tried, report, text};
 use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
 use crate::objects::{Program, Score};
@@ -68,7 +68,31 @@ pub fn agreement(first: &Path, second: &Path, threads: &Threads) -> Result<Repor
     }
     let same_commands = first.plans_around()? == second.plans_around()?;
     let tried = Tried { own: own.unwrap_or(0), changes: changes.into_iter().map(|change| change.name).collect() };
-    Ok(report([first.backend_name(), second.backend_name()], same_commands, &pairs, &tried, left_out))
+    let (backends, descents) = ([first.backend_name(), second.backend_name()], descents(&first));
+    Ok(report(backends, same_commands, &pairs, &tried, &descents, left_out))
+}
+
+/// Programs from elsewhere beside the parents of their families: a lineage that starts with one, and the lineage of the same family and
+/// ego that starts with the family's own and sets nothing that the program has otherwise. Of several the one that sets most.
+fn descents(run: &Run) -> Vec<Descent> {
+    let lineages = &run.study.lineages;
+    let parent = |spec: &LineageSpec| {
+        let own = run.recorded.parents.iter().find(|parent| parent.lineage == spec.id)?;
+        Some(own.program.solution_id.to_string())
+    };
+    let beside = |evolved: &LineageSpec| {
+        let start = &evolved.start.as_ref()?.program;
+        let alike = |spec: &&LineageSpec| {
+            let same = spec.family == evolved.family && spec.ego.name() == evolved.ego.name();
+            spec.start.is_none()
+                && same
+                && spec.parent.iter().all(|(name, set)| start.parameters.get(name) == Some(set))
+        };
+        // The last of the equal ones is taken, so the order is turned.
+        let spec = lineages.iter().rev().filter(alike).max_by_key(|spec| spec.parent.len())?;
+        Some(Descent { evolved: parent(evolved)?, parent: parent(spec)? })
+    };
+    lineages.iter().filter_map(beside).collect()
 }
 
 /// A finished run with what plays its rollouts again.

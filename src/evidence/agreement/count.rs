@@ -3,20 +3,13 @@
 use serde::Serialize;
 
 use super::disagreement::{self, Disagreement};
+use super::interval::{Interval, RESAMPLES, middle};
 use super::pair::{Meeting, Pair, Tried};
+use super::transfer::{Descent, Transfer, transfers};
 use crate::kernel::Seed;
 
 /// Seconds before the contact at which the egos are compared.
 pub const BEFORE_S: [f64; 3] = [1.0, 3.0, 5.0];
-const RESAMPLES: usize = 1000;
-
-/// A value with the middle 95 % of what resampled scenes give.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Interval {
-    pub value: f64,
-    pub low: f64,
-    pub high: f64,
-}
 
 /// What a row counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -117,6 +110,9 @@ pub struct Report {
     pub disagreements: Vec<Disagreement>,
     /// What one option of our plant has to do with the disagreements; nothing where neither simulator is ours.
     pub changes: Vec<Change>,
+    /// What evolved programs gain over the parents of their families in either; nothing where no evolved program stands beside its
+    /// parent.
+    pub transfers: Vec<Transfer>,
     /// Rollouts that one of them could not play, with the reason.
     pub left_out: Vec<String>,
 }
@@ -142,6 +138,7 @@ pub fn report(
     same_commands: bool,
     pairs: &[Pair],
     tried: &Tried,
+    descents: &[Descent],
     left_out: Vec<String>,
 ) -> Report {
     let started = || pairs.iter().filter(|pair| !pair.proposed);
@@ -154,7 +151,8 @@ pub fn report(
     let disagreements = pairs.iter().filter_map(|pair| disagreement::of(pair, tried)).collect();
     let all: Vec<&Pair> = started().collect();
     let changes = tried.changes.iter().enumerate().map(|(i, change)| changed(&all, tried.own, (i, change))).collect();
-    Report { backends, same_commands, rows, disagreements, changes, left_out }
+    let transfers = transfers(pairs, descents);
+    Report { backends, same_commands, rows, disagreements, changes, transfers, left_out }
 }
 
 /// The rollouts with the i-th change.
@@ -236,10 +234,7 @@ fn judged(row: &str, pairs: &[&Pair], said: impl Fn(&Pair) -> (bool, bool)) -> J
     let confusion = confusion(pairs, &said);
     let resampled = resampled(row, pairs, &said);
     let interval = |value: f64, of: &dyn Fn([usize; 4]) -> Option<f64>| {
-        let mut drawn: Vec<f64> = resampled.iter().filter_map(|confusion| of(*confusion)).collect();
-        drawn.sort_by(f64::total_cmp);
-        let at = |share: f64| drawn.get((share * (drawn.len().max(1) - 1) as f64).round() as usize).copied();
-        Interval { value, low: at(0.025).unwrap_or(value), high: at(0.975).unwrap_or(value) }
+        middle(value, resampled.iter().filter_map(|confusion| of(*confusion)).collect())
     };
     Judged {
         confusion,

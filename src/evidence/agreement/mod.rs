@@ -3,12 +3,15 @@
 
 mod count;
 mod disagreement;
+mod interval;
 mod pair;
 mod text;
+mod transfer;
 
 pub use count::{Report, report};
 pub use pair::{Meeting, Pair, Side, Tried};
 pub use text::text;
+pub use transfer::{Descent, Transfer};
 
 #[cfg(test)]
 mod tests;

@@ -40,7 +40,7 @@ fn pair(scene: usize, a: Option<(&str, u32)>, b: Option<(&str, u32)>, apart: f64
 }
 
 fn counted(pairs: &[Pair]) -> Report {
-    report(["x".into(), "y".into()], true, pairs, &Tried::default(), vec![])
+    report(["x".into(), "y".into()], true, pairs, &Tried::default(), &[], vec![])
 }
 
 #[test]
@@ -103,8 +103,9 @@ fn a_proposal_moves_no_row_but_its_own() {
 
 #[test]
 fn runs_that_plan_apart_are_not_called_the_same_rollouts() {
-    let says =
-        |same| text(&report(["x".into(), "y".into()], same, &[pair(0, None, None, 0.0)], &Tried::default(), vec![]));
+    let says = |same| {
+        text(&report(["x".into(), "y".into()], same, &[pair(0, None, None, 0.0)], &Tried::default(), &[], vec![]))
+    };
     assert!(says(true).contains("the same rollouts in x (first)") && !says(true).contains("commands differ"));
     assert!(says(false).contains("the same programs in x (first)") && says(false).contains("commands differ"));
 }
@@ -164,7 +165,7 @@ fn a_change_mends_what_disagrees_and_breaks_what_agrees() {
     }
     let tried = Tried { own: 0, changes: vec!["boxes".into(), "brakes".into()] };
     let with = |own: usize, pairs: &[Pair]| {
-        report(["x".into(), "y".into()], true, pairs, &Tried { own, ..tried.clone() }, vec![])
+        report(["x".into(), "y".into()], true, pairs, &Tried { own, ..tried.clone() }, &[], vec![])
     };
     let ours_first = with(0, &pairs);
     let counts = |of: &Report| of.changes.iter().map(|one| (one.mended, one.broken, one.confusion)).collect::<Vec<_>>();
@@ -177,4 +178,42 @@ fn a_change_mends_what_disagrees_and_breaks_what_agrees() {
     assert_eq!(ours_second.disagreements[0].mended_by, ["brakes"]);
     assert!(with(0, &[pair(0, None, None, 0.0)]).disagreements.is_empty());
     assert!(!text(&counted(&pairs)).contains("one option changed"), "neither simulator is ours");
+}
+
+#[test]
+fn a_gain_in_one_simulator_is_set_beside_the_other_scene_by_scene() {
+    let met = Some(("a", 400));
+    let named = |program: &str, pair: Pair| Pair { program: program.into(), ..pair };
+    // The parent meets nobody in scene 0, and somebody in 1 in the first alone. The child meets somebody in 0 to 2 in the first, in 0 and
+    // 1 in the second; scene 3 has no rollout of the parent.
+    let pairs = [
+        named("cat/parent", pair(0, None, None, 0.0)),
+        named("cat/parent", pair(1, met, None, 0.0)),
+        named("cat/parent", pair(2, None, None, 0.0)),
+        named("new/parent", pair(0, met, met, 0.0)),
+        named("new/parent", pair(1, met, met, 0.0)),
+        named("new/parent", pair(2, met, None, 0.0)),
+        named("new/parent", pair(3, met, met, 0.0)),
+        named("worse/parent", pair(1, None, met, 0.0)),
+    ];
+    let descent = |evolved: &str| Descent { evolved: format!("{evolved}/parent"), parent: "cat/parent".into() };
+    let descents = ["new", "worse", "absent"].map(descent);
+    let report = report(["x".into(), "y".into()], true, &pairs, &Tried::default(), &descents, vec![]);
+    let counts = |row: usize| {
+        let gain = &report.transfers[row].gains[0];
+        [gain.first.parent, gain.first.evolved, gain.second.parent, gain.second.evolved]
+    };
+    assert_eq!(
+        report.transfers.iter().map(|of| of.rollouts).collect::<Vec<_>>(),
+        [3, 1, 4],
+        "who is absent has no row"
+    );
+    assert_eq!((counts(0), counts(1), counts(2)), ([1, 3, 0, 2], [1, 0, 0, 1], [2, 3, 0, 3]));
+    let first = report.transfers[0].gains[0].first.gain;
+    assert!((first.value - 2.0 / 3.0).abs() < 1e-12 && first.low < first.value && first.high > first.value);
+    assert_eq!((first.low, first.high), (0.0, 1.0), "scenes are drawn");
+    let said = text(&report);
+    assert!(said.contains("for contact the same sign in 1, none in 0, the other in 1"), "{said}");
+    assert!(said.contains("1 to 3: +66.7 [+0.0, +100.0] | 0 to 2: +66.7"), "{said}");
+    assert!(!text(&counted(&pairs)).contains("evolved"), "nothing is said where nobody descends from anybody");
 }

@@ -87,10 +87,13 @@ def agrees(said, surely, maybe):
 def main():
     if len(sys.argv) < 3:
         sys.exit("expected the folder of `evodrive data` and folders of `evodrive scenes export --format scenarionet`")
-    known = labels(pathlib.Path(sys.argv[1]))
+    tables, folders = pathlib.Path(sys.argv[1]), [pathlib.Path(folder) for folder in sys.argv[2:]]
+    for missing in [path for path in (tables / "rollouts.csv", tables / "labels.csv", *folders) if not path.exists()]:
+        sys.exit(f"{missing} is not there; expected the tables of `evodrive data` and then exported folders")
+    known = labels(tables)
     rollouts, contacts, wrong = 0, 0, []
-    for folder in sys.argv[2:]:
-        for path in sorted(pathlib.Path(folder).glob("*.json")):
+    for folder in folders:
+        for path in sorted(folder.glob("*.json")):
             scene = json.loads(path.read_text())
             name, _, solution = scene["metadata"]["scenario_id"].rpartition(" ")
             if (name, solution) not in known:

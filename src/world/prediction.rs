@@ -33,7 +33,7 @@ pub fn difference(
         let difference = match regression {
             Regression::Ridge(line) => beside_mean(ridge::value_at(line, &values)),
             Regression::Boosted(model) => beside_mean(boosted::value_at(model, &values)),
-            Regression::Simulated(line) => row.open_share * line.slope * row.features[line.column],
+            Regression::Simulated(line) => slope::value_at(line, row),
         };
         if difference.is_finite() { difference.clamp(-1.0, 1.0) } else { 0.0 }
     };

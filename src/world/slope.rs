@@ -9,11 +9,15 @@ pub fn places(schema: &FeatureSchema) -> Option<[usize; 2]> {
     schema.place_of(FeatureGroup::Simulated).map(|place| [place, place + 1])
 }
 
-/// What our own simulator shows of a candidate as it is, per scene of the window: nobody's label has corrected it.
+/// Value of the line at a row, over the whole window.
+pub fn value_at(line: &SimulatedSlope, row: &WorldRow) -> f64 {
+    row.open_share * line.slope * row.features.get(line.column).copied().unwrap_or(0.0)
+}
+
+/// What our own simulator shows of a candidate as it is: nobody's label has corrected it.
 pub fn uncorrected(schema: &FeatureSchema, row: &WorldRow) -> Option<Objectives> {
-    let [attack, realism] = places(schema)?;
-    let shown = |place: usize| row.open_share * row.features.get(place).copied().unwrap_or(0.0);
-    Some(Objectives { attack: shown(attack), realism: shown(realism) })
+    let shown = |column: usize| value_at(&SimulatedSlope { column, slope: 1.0 }, row);
+    places(schema).map(|[attack, realism]| Objectives { attack: shown(attack), realism: shown(realism) })
 }
 
 /// The slope of a target through the column at a place. `rows` are raw features, each with a weight; `prior_labels` is what the

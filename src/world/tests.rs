@@ -354,7 +354,7 @@ fn a_snapshot_read_back_predicts_as_before_and_a_damaged_one_is_refused() {
         match &mut back.fit.as_mut().unwrap().attack {
             Regression::Ridge(line) => drop(line.weights.pop()),
             Regression::Boosted(model) => model.trees[0].nodes.truncate(1),
-            Regression::Simulated(line) => line.column = 2,
+            Regression::Simulated(line) => panic!("{line:?}"),
         }
         assert!(matches!(Router::new(&back), Err(RouterError::Inconsistent(_))));
     }
@@ -389,7 +389,7 @@ fn what_our_own_simulator_shows_ranks_before_any_label_and_is_scaled_by_labels_a
     );
     let selected: Vec<bool> = routes.iter().map(|route| route.decision == RouteDecision::Select).collect();
     assert_eq!(selected, [false, true, true], "the best two, though nobody is labelled");
-    // Forty candidates gain half of what ours shows, and .1 besides, which the mean of the group would add to all.
+    // Forty candidates gain half of what ours shows; they lose a little in the mean, which would be added to all.
     let at = |k: u32| 0.01 * f64::from(k) - 0.2;
     let labels: Vec<WorldLabel> = (0..40).map(|k| label(0, &[7.0, at(k), 0.0], 0.5 * at(k))).collect();
     let settled = settle(&labels, 1);
@@ -397,6 +397,20 @@ fn what_our_own_simulator_shows_ranks_before_any_label_and_is_scaled_by_labels_a
     assert!((shown(&settled, 0.4).difference.attack - 0.2 * slope).abs() < 1e-12, "ten labels for a slope of one");
     assert_eq!(shown(&settled, 0.0).difference.attack, 0.0, "no mean is mixed in");
     assert!(settled.fit.unwrap().half_width.is_some());
+}
+
+#[test]
+fn a_slope_on_a_column_that_is_not_there_is_refused() {
+    let simulator = configuration(WorldModel::Simulator);
+    let labels: Vec<WorldLabel> = (0..3).map(|_| label(0, &[7.0, 0.1, 0.0], 0.1)).collect();
+    let labels: Vec<&WorldLabel> = labels.iter().collect();
+    let mut snapshot = settle(&with_simulator(), &simulator, &labels, 1, &one_thread()).unwrap();
+    assert!(Router::new(&snapshot).is_ok());
+    match &mut snapshot.fit.as_mut().unwrap().realism {
+        Regression::Simulated(line) if line.column == 2 => line.column = 3,
+        other => panic!("{other:?}"),
+    }
+    assert!(matches!(Router::new(&snapshot), Err(RouterError::Inconsistent(_))));
 }
 
 #[test]

@@ -340,14 +340,12 @@ impl Labelling<'_> {
         counsel: Option<&Counsel>,
     ) -> Result<RolloutRecord, NoOutcome> {
         let Labelling { study, spec, tools, .. } = *self;
-        let situation = tools.situations.at(place, &spec.ego, &tools.backend)?;
-        let made = self.compiled(prepared, place, &situation, counsel).map_err(|error| error.to_string())??;
-        let compiled = &made.compiled;
-        let drawn = (study.seed, study.under(prepared.hash()));
-        let run = || tools.backend.rollout(&situation.plant, &compiled.intervention, &spec.ego, drawn);
-        let outcome: Outcome = tools.meter.rollout(&spec.id, run)?;
-        let anyway = meets_anyway(&tools.backend, &situation, &spec.ego, study.seed)?;
-        Ok(record(&study.scenes[place], &spec.ego, prepared, anyway, &compiled.decision, outcome)?)
+        self.played(prepared, place, counsel, |situation, intervention| {
+            let drawn = (study.seed, study.under(prepared.hash()));
+            let run = || tools.backend.rollout(&situation.plant, intervention, &spec.ego, drawn);
+            let outcome = tools.meter.rollout(&spec.id, run)?;
+            Ok((outcome, meets_anyway(&tools.backend, situation, &spec.ego, study.seed)?))
+        })
     }
 
     /// The same from our own simulator, whoever makes the labels.
@@ -357,17 +355,31 @@ impl Labelling<'_> {
         place: usize,
         counsel: Option<&Counsel>,
     ) -> Result<RolloutRecord, NoOutcome> {
+        let Labelling { study, spec, .. } = *self;
+        self.played(prepared, place, counsel, |situation, intervention| {
+            let drawn = (study.seed, study.under(prepared.hash()));
+            let own = |of: &Intervention| Backend::Own.rollout(&situation.plant, of, &spec.ego, drawn);
+            let anyway = match study.plans_around_backend() {
+                // The situation holds the drive of the other simulator's ego.
+                true => own(&Intervention::default())?.contact.map(|contact| contact.with),
+                false => situation.ego_meets,
+            };
+            Ok((own(intervention)?, anyway))
+        })
+    }
+
+    /// The record of what `play` makes of the program's commands in one scene: how it ended, and whom the ego meets anyway.
+    fn played(
+        &self,
+        prepared: &Prepared<'_>,
+        place: usize,
+        counsel: Option<&Counsel>,
+        play: impl FnOnce(&Situation, &Intervention) -> Result<(Outcome, Option<ActorRef>), NoOutcome>,
+    ) -> Result<RolloutRecord, NoOutcome> {
         let Labelling { study, spec, tools, .. } = *self;
         let situation = tools.situations.at(place, &spec.ego, &tools.backend)?;
         let made = self.compiled(prepared, place, &situation, counsel).map_err(|error| error.to_string())??;
-        let drawn = (study.seed, study.under(prepared.hash()));
-        let own = |intervention: &Intervention| Backend::Own.rollout(&situation.plant, intervention, &spec.ego, drawn);
-        let outcome = own(&made.compiled.intervention)?;
-        let anyway = match study.plans_around_backend() {
-            // The situation holds the drive of the other simulator's ego.
-            true => own(&Intervention::default())?.contact.map(|contact| contact.with),
-            false => situation.ego_meets,
-        };
+        let (outcome, anyway) = play(&situation, &made.compiled.intervention)?;
         Ok(record(&study.scenes[place], &spec.ego, prepared, anyway, &made.compiled.decision, outcome)?)
     }
 }

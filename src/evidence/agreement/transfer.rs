@@ -1,6 +1,7 @@
 //! Whether what evolution gains in one simulator is there in the other one too: evolved programs beside the parents of their families,
 //! in the same scenes.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use serde::Serialize;
@@ -58,26 +59,17 @@ pub struct Signs {
     pub other: usize,
 }
 
-impl Gain {
-    fn sign(&self) -> Option<std::cmp::Ordering> {
-        let of = |difference: &Difference| difference.evolved.cmp(&difference.parent);
-        (of(&self.first) != std::cmp::Ordering::Equal).then(|| match of(&self.second) {
-            std::cmp::Ordering::Equal => std::cmp::Ordering::Equal,
-            sign if sign == of(&self.first) => std::cmp::Ordering::Greater,
-            _ => std::cmp::Ordering::Less,
-        })
-    }
-}
-
 /// Signs of a label over programs, `all` left out.
 pub fn signs(transfers: &[Transfer], label: usize) -> Signs {
+    let more = |difference: &Difference| difference.evolved.cmp(&difference.parent);
     let mut signs = Signs::default();
     let single = transfers.iter().filter(|transfer| transfer.parent.is_some());
-    for sign in single.filter_map(|transfer| transfer.gains.get(label)?.sign()) {
-        match sign {
-            std::cmp::Ordering::Greater => signs.same += 1,
-            std::cmp::Ordering::Equal => signs.none += 1,
-            std::cmp::Ordering::Less => signs.other += 1,
+    for gain in single.filter_map(|transfer| transfer.gains.get(label)) {
+        match (more(&gain.first), more(&gain.second)) {
+            (Ordering::Equal, _) => {}
+            (_, Ordering::Equal) => signs.none += 1,
+            (first, second) if first == second => signs.same += 1,
+            _ => signs.other += 1,
         }
     }
     signs

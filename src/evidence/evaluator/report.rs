@@ -8,10 +8,10 @@ use super::{
     evolution::Evolution,
     quality::{Quality, quality},
 };
-use crate::archive::hypervolume;
+use crate::archive::{hypervolume, point};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
-use crate::objects::{Attempt, LineageId, Objectives, event::Finalist};
+use crate::objects::{Attempt, LineageId, event::Finalist};
 
 /// The measures of a run.
 #[derive(Clone, Debug, Serialize)]
@@ -116,10 +116,8 @@ fn parents(run: &RecordedRun, reference: [f64; 2]) -> Option<BTreeMap<LineageId,
             .iter()
             .any(|parent| parent.lineage == finalist.lineage && parent.program.solution_id == finalist.solution)
     };
-    let alone = |finalist: &Finalist| {
-        let Objectives { attack, realism } = finalist.score.objectives;
-        (finalist.lineage.clone(), hypervolume(&[[attack, realism]], reference))
-    };
+    let alone =
+        |finalist: &Finalist| (finalist.lineage.clone(), hypervolume(&[point(&finalist.score.objectives)], reference));
     Some(run.finalists.iter().filter(of).map(alone).collect())
 }
 

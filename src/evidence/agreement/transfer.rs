@@ -26,7 +26,7 @@ pub struct Transfer {
     pub parent: Option<String>,
     /// Scenes in which both were played in both simulators, counted once a program.
     pub rollouts: usize,
-    /// One for each of [`LABELS`].
+    /// Contact, published attack, preventable attack, in this order.
     pub gains: Vec<Gain>,
 }
 

@@ -81,7 +81,12 @@ pub struct Judged {
     pub parts: Vec<Part>,
     /// Root of its run.
     pub root: Option<String>,
+    /// Whether it asks for more than 0 of a number that is never negative: a search by random patches shows that as well.
+    pub never_negative: bool,
 }
+
+/// Columns of tables whose numbers are never negative.
+const NEVER_NEGATIVE: [&str; 1] = ["pf_area_at_3_pct"];
 
 /// All claims, those that fail first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -242,7 +247,13 @@ fn untested(claim: &Claim, reason: String, of: Option<&Asked<'_>>) -> Judged {
         p_smaller: None,
         parts: Vec::new(),
         root: of.map(|of| of.root()),
+        never_negative: never_negative(claim),
     }
+}
+
+fn never_negative(claim: &Claim) -> bool {
+    let column = claim.column.as_deref().is_some_and(|column| NEVER_NEGATIVE.contains(&column));
+    column && claim.direction == Some(Direction::Above) && claim.threshold.is_some_and(|threshold| threshold <= 0.0)
 }
 
 fn asked(claim: &Claim) -> String {

@@ -116,6 +116,27 @@ fn an_effect_that_is_surely_less_than_the_papers_is_called_smaller_and_one_that_
 }
 
 #[test]
+fn a_claim_that_a_number_exceeds_0_which_is_never_below_says_so() {
+    let file = FILE.replace("rp_change_pp", "pf_area_at_3_pct").replace("\"below\"", "\"above\"");
+    // One seed gives an area no interval; what a repeated search would show is written in.
+    let said = |file: &str| {
+        let mut verdicts =
+            judge(&read("claims.toml", file).unwrap(), &[recorded()], &BTreeMap::new(), &Threads::none()).unwrap();
+        let place = verdicts.claims.iter().position(|claim| claim.id == "realism").unwrap();
+        verdicts.claims[place].verdict = Verdict::Supported;
+        (verdicts.claims[place].never_negative, markdown(&verdicts))
+    };
+    let (never_negative, text) = said(&file);
+    assert!(text.contains("Supported as more than 0 of a number that is never negative: 1."), "{text}");
+    assert!(never_negative && text.contains("- this number is never negative"));
+    // Neither more than a size that it can miss, nor of a number that can fall.
+    for other in [file.replace("threshold = 0.0", "threshold = 1.0"), FILE.to_string()] {
+        let (never_negative, text) = said(&other);
+        assert!(!never_negative && !text.contains("never negative"), "{text}");
+    }
+}
+
+#[test]
 fn what_is_not_measured_is_not_testable_and_says_why() {
     for (id, reason) in [("learned", "CAT / RL"), ("elsewhere", "ablations")] {
         let claim = of(&[recorded()], id);

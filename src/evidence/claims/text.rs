@@ -12,7 +12,12 @@ pub fn markdown(found: &Judgement) -> String {
     let count = |verdict: Verdict| found.claims.iter().filter(|claim| claim.verdict == verdict).count();
     let counts: Vec<String> =
         Verdict::ALL.iter().map(|verdict| format!("{} {}", count(*verdict), verdict.words())).collect();
-    let _ = writeln!(out, "{} claims: {}.\n", found.claims.len(), counts.join(", "));
+    let of_course = |claim: &&Judged| claim.verdict == Verdict::Supported && claim.never_negative;
+    let of_course = match found.claims.iter().filter(of_course).count() {
+        0 => String::new(),
+        n => format!(" Supported as more than 0 of a number that is never negative: {n}."),
+    };
+    let _ = writeln!(out, "{} claims: {}.{of_course}\n", found.claims.len(), counts.join(", "));
     let runs = found.runs.iter().map(|source| ("run", "root", source));
     let studies = found.studies.iter().map(|source| ("study", "recipe", source));
     for (what, by, (name, root, scripted)) in runs.chain(studies) {
@@ -59,6 +64,12 @@ fn one(out: &mut String, claim: &Judged, level: f64) {
     }
     if let Some(reason) = &claim.reason {
         let _ = writeln!(out, "- {reason}");
+    }
+    if claim.never_negative {
+        let _ = writeln!(
+            out,
+            "- this number is never negative: a search by random patches is above 0 as well, so being above it says little"
+        );
     }
     if let (Some(p_for), Some(p_against)) = (claim.p_for, claim.p_against) {
         let smaller =

@@ -29,6 +29,12 @@ function agreementChanges(changes) {
   return el("table", {}, el("thead", {}, heads(["Changed", "mended", "broken", "agree %", "kappa"])),
     el("tbody", {}, changes.map((c) => el("tr", {}, td(c.change, false), td(c.mended), td(c.broken), td(fixed(100 * c.agreement, 1)), td(c.kappa === null ? "–" : fixed(c.kappa, 2))))));
 }
+function agreementTransfers(rows) {
+  const gain = (d) => el("td", { class: "num" }, [`${d.parent} → ${d.evolved}`, el("span", { class: "range" }, `${signed(d.gain.value)} [${signed(d.gain.low)}, ${signed(d.gain.high)}]`)]);
+  const signed = (share) => (share >= 0 ? "+" : "−") + fixed(Math.abs(100 * share), 1), labels = rows[0] ? rows[0].gains.map((g) => g.label) : [];
+  return el("table", {}, el("thead", {}, heads(["Evolved program", "n", ...labels.flatMap((label) => [`${label}: first`, "second"])])),
+    el("tbody", {}, rows.map((r) => el("tr", {}, el("td", { class: "name" }, r.evolved), td(r.rollouts), r.gains.flatMap((g) => [gain(g.first), gain(g.second)])))));
+}
 function agreementChart(rows) {
   const shown = rows.filter((r) => r.of === "program" || r.of === "family" || r.of === "cluster"), dy = 22, left = 170, width = 620, right = 20, top = 8;
   const least = Math.min(0.5, ...shown.map((r) => r.agreement.low)), height = top + dy * shown.length + 34;
@@ -72,6 +78,8 @@ function openAgreement() {
     el("tbody", {}, all.ego_apart.map((a) => el("tr", {}, td(`${a.before_s} s`, false), td(fixed(a.median_m, 2)), td(fixed(a.p90_m, 2)), td(a.rollouts))))));
   byId("agreement-rows").append(agreementRows(agreement.rows));
   byId("agreement-labels").append(agreementLabels(agreement.rows));
+  byId("agreement-transferred").hidden = !agreement.transfers.length;
+  byId("agreement-transfers").append(agreementTransfers(agreement.transfers));
   byId("agreement-changed").hidden = !agreement.changes.length;
   byId("agreement-changes").append(agreementChanges(agreement.changes));
   const times = (key) => [...agreement.disagreements.reduce((m, d) => m.set(d[key], (m.get(d[key]) || 0) + 1), new Map())].sort((a, b) => b[1] - a[1]);

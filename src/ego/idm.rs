@@ -11,7 +11,7 @@ const LOOK_AHEAD_M: f64 = 1.0;
 
 /// Share of the way to the wanted steering taken in one decision step (a lag of 0.28 s). MetaDrive's wheels, tyres and
 /// suspension put such a lag between steering and yaw; our kinematic car has none, and with it the controllers'
-/// derivative gain of 3.5 per step would oscillate above 10 m/s.
+/// derivative gain of 3.5 per step would oscillate above 10 m/s. The sprung car has wheels, tyres and suspension of its own.
 const STEERING_SHARE: f64 = 0.3;
 
 /// On a SafeBench route pure pursuit looks as far ahead as the car drives in this time, but at least `PURSUIT_M`
@@ -67,10 +67,17 @@ impl IdmDriver {
         if view.plant().is_staged() {
             return pursuit_rad(view, ego);
         }
+        let limit_rad = view.plant().limits().steering_rad;
+        if let Some((lane, at)) = view.on_lane() {
+            let wanted = lane.heading_at(at.s_m + LOOK_AHEAD_M, at.segment);
+            let turn = self.heading.output(num::wrap_angle(wanted - ego.sample.heading_rad));
+            let shift = self.lateral.output(-at.offset_m);
+            return (turn + shift).clamp(-1.0, 1.0) * limit_rad;
+        }
         let wanted = view.route().heading_at(ego.along.s_m + LOOK_AHEAD_M, ego.along.segment);
         let turn = self.heading.output(num::wrap_angle(wanted - ego.sample.heading_rad));
         let shift = self.lateral.output(-ego.along.offset_m);
-        let wanted = (turn + shift).clamp(-1.0, 1.0) * view.plant().limits().steering_rad;
+        let wanted = (turn + shift).clamp(-1.0, 1.0) * limit_rad;
         ego.steering_rad + STEERING_SHARE * (wanted - ego.steering_rad)
     }
 

@@ -12,8 +12,9 @@ pub use accounts::{
 };
 pub use encounters::{ContactClass, Side, Striker, assess, gaps, lateness_s, meeting};
 pub use prepared::{
-    Along, AvoidanceOptions, EgoBox, FollowerStart, Obstacle, Path, Plant, PlantOptions, SimError, SimulatorOptions,
-    SimulatorOptionsError, Size, TrafficBoxes, body, drivable, error, options, path, plant, plant_options,
+    Along, AvoidanceOptions, EgoBox, EgoCar, FollowerStart, Obstacle, Path, Plant, PlantOptions, SimError,
+    SimulatorOptions, SimulatorOptionsError, Size, TrafficBoxes, body, drivable, error, options, path, plant,
+    plant_options,
 };
 pub use road_users::{
     Action, ActorRef, Control, Driver, EgoState, Intervention, Law, Observed, Phase, Script, Seen, Speed, Trigger,

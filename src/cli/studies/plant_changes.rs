@@ -3,7 +3,7 @@
 
 use crate::ego::Policy;
 use crate::sim::bicycle::CorneringLoss;
-use crate::sim::{FollowerStart, Obstacle, PlantOptions, TrafficBoxes};
+use crate::sim::{EgoCar, FollowerStart, Obstacle, PlantOptions, TrafficBoxes};
 
 /// Loss of speed in bends and deceleration by brakes are raised and lowered by this share.
 const SHARE: f64 = 0.25;
@@ -42,7 +42,7 @@ pub fn plant_changes(plant: &PlantOptions) -> Vec<PlantChange> {
     }
     match plant.obstacle {
         Obstacle::Reaches => add("detection by corners", &|plant| plant.obstacle = Obstacle::Corner),
-        Obstacle::Corner => add("detection by reach", &|plant| plant.obstacle = Obstacle::Reaches),
+        Obstacle::Corner | Obstacle::Lane => add("detection by reach", &|plant| plant.obstacle = Obstacle::Reaches),
     }
     match plant.follower_start {
         FollowerStart::Recorded => {
@@ -51,6 +51,12 @@ pub fn plant_changes(plant: &PlantOptions) -> Vec<PlantChange> {
         FollowerStart::Standing => {
             add("followers begin as recorded", &|plant| plant.follower_start = FollowerStart::Recorded);
         }
+    }
+    if plant.ego_car == EgoCar::Sprung {
+        // What bends cost and how brakes take is what its wheels do.
+        add("the ego's car without springs", &|plant| plant.ego_car = EgoCar::SingleTrack);
+        changes.push(PlantChange { name: "lights the other way".to_string(), plant: *plant, other_lights: true });
+        return changes;
     }
     for (word, factor) in [("more", 1.0 + SHARE), ("less", 1.0 - SHARE)] {
         add(&format!("bends cost a quarter {word}"), &|plant| scale(&mut plant.cornering_loss, factor));

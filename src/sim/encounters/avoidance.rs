@@ -205,7 +205,7 @@ fn stays_clear(
     manoeuvre: Manoeuvre,
     options: &AvoidanceOptions,
 ) -> bool {
-    let mut state = fork.clone();
+    let mut state = fork.clone().without_springs();
     let plant = &*fork.plant;
     let evasion = Evasion::new(manoeuvre, &state.ego, options);
     let beyond_m = beyond_road_m(&state).max(DRIVABLE_TOLERANCE_M);

@@ -36,7 +36,7 @@ impl SimulatorOptions {
         // NaN lies in no range.
         match bounds.find(|(_, value, low, high)| !(low..=high).contains(&value)) {
             Some((place, found, low, high)) => Err(SimulatorOptionsError::Bound { place, found, low, high }),
-            None if self.plant.obstacle == Obstacle::Corner && self.plant.traffic_boxes == TrafficBoxes::Recorded => {
+            None if self.plant.obstacle != Obstacle::Reaches && self.plant.traffic_boxes == TrafficBoxes::Recorded => {
                 Err(SimulatorOptionsError::CornersOfRecordedBoxes)
             }
             None => Ok(()),
@@ -109,7 +109,7 @@ pub enum SimulatorOptionsError {
     },
     /// Corners are looked for in a path that recorded vehicles are wider than.
     #[error(
-        "simulator.plant.obstacle is \"corner\" while traffic_boxes is \"recorded\", expected the boxes for which MetaDrive has that \
+        "simulator.plant.obstacle looks for corners while traffic_boxes is \"recorded\", expected the boxes for which MetaDrive has that \
          test: a recorded vehicle wider than the path (2 m) has no corner in it and would not be seen; write traffic_boxes = \
          \"metadrive\", or obstacle = \"reaches\""
     )]

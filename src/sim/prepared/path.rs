@@ -4,6 +4,8 @@ use crate::kernel::{Polyline, Vec2};
 
 /// Points of a driven path closer than this are one point: a standing car's jitter is no direction, metres.
 pub const ROUTE_SPACING_M: f64 = 0.5;
+/// MetaDrive's lane along a path has straight pieces that are longer than this, metres.
+pub const LANE_SPACING_M: f64 = 1.0;
 
 /// A place beside a route.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,6 +37,15 @@ impl Path {
 
     /// [`Path::new`] for whoever hardly asks for headings: they are worked out when they are asked for.
     pub fn bare(points: &[Vec2], heading_rad: f64) -> Option<Path> {
+        Path::thinned(points, heading_rad, |apart_m| apart_m >= ROUTE_SPACING_M)
+    }
+
+    /// The lane that MetaDrive makes of a path (`PointLane`): its heading jumps from piece to piece.
+    pub fn lane(points: &[Vec2], heading_rad: f64) -> Option<Path> {
+        Path::thinned(points, heading_rad, |apart_m| apart_m > LANE_SPACING_M).map(Path::with_headings)
+    }
+
+    fn thinned(points: &[Vec2], heading_rad: f64, are_apart: impl Fn(f64) -> bool) -> Option<Path> {
         let first = *points.first()?;
         if !points.iter().all(|p| p.is_finite()) {
             return None;
@@ -42,7 +53,7 @@ impl Path {
         let mut kept = Vec::with_capacity(points.len());
         kept.push(first);
         for &point in &points[1..] {
-            if kept[kept.len() - 1].distance(point) >= ROUTE_SPACING_M {
+            if are_apart(kept[kept.len() - 1].distance(point)) {
                 kept.push(point);
             }
         }
@@ -130,6 +141,14 @@ impl Path {
     pub fn project_near(&self, point: Vec2, known: &Along, back_m: f64, ahead_m: f64) -> Along {
         let first = self.segment_near(known.s_m - back_m, known.segment);
         self.project_between(point, first, known.s_m + ahead_m)
+    }
+
+    /// A place on the line through the segment of `near`, which runs on beyond both ends of the segment: MetaDrive's
+    /// `local_coordinates`.
+    pub fn on_line_of(&self, near: &Along, point: Vec2) -> Along {
+        let (delta, direction) = (point - self.points[near.segment], self.directions[near.segment]);
+        let s_m = self.lengths[near.segment] + delta.dot(direction);
+        Along { s_m, offset_m: direction.cross(delta), segment: near.segment }
     }
 
     fn project_between(&self, point: Vec2, first: usize, until_s_m: f64) -> Along {

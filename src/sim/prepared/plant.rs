@@ -15,7 +15,7 @@ use super::course::Course;
 use super::drivable::Drivable;
 use super::options::SimulatorOptions;
 use super::path::Path;
-use super::plant_options::{EgoBox, METADRIVE_BOX_M};
+use super::plant_options::{EgoBox, EgoCar, METADRIVE_BOX_M, Obstacle};
 use super::rows::{NONE, Rows};
 
 /// Coordinates beyond this are refused, metres.
@@ -65,6 +65,8 @@ pub struct Plant {
     pub(in crate::sim) route: Path,
     /// The route straightened a little: quicker to search for what is ahead.
     pub(in crate::sim) route_ahead: Path,
+    /// The route as a lane of MetaDrive's, for plants that have its driver to the letter.
+    lane: Option<Path>,
     pub(in crate::sim) drivable: Drivable,
     /// For scenes of a traffic family: they are run under SafeBench's rules.
     pub(in crate::sim) course: Option<Course>,
@@ -105,6 +107,8 @@ impl Plant {
             .ok_or_else(|| refuse("ego route", "needs at least one finite point"))?;
         let route_ahead = Path::simplified(&scene.ego.route, start.heading_rad, PATH_TOLERANCE_M)
             .ok_or_else(|| refuse("ego route", "needs at least one finite point"))?;
+        let by_lane = options.plant.ego_car == EgoCar::Sprung || options.plant.obstacle == Obstacle::Lane;
+        let lane = by_lane.then(|| Path::lane(&scene.ego.route, start.heading_rad)).flatten();
         let mut plant = Plant {
             steps,
             candidates: candidates_of(scene, &rows, steps),
@@ -118,6 +122,7 @@ impl Plant {
             course: scene.staging.as_ref().map(|_| Course::new(scene, &route)),
             route,
             route_ahead,
+            lane,
             drivable: Drivable::of(prepared.lanes.pieces().clone()),
             digest: Digest::of_bytes(&[]),
             prepared,
@@ -171,6 +176,11 @@ impl Plant {
     /// The path the ego is to drive.
     pub fn route(&self) -> &Path {
         &self.route
+    }
+
+    /// The same as a lane of MetaDrive's, where the plant has one.
+    pub fn lane(&self) -> Option<&Path> {
+        self.lane.as_ref()
     }
 
     /// Where the ego begins.

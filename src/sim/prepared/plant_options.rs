@@ -31,6 +31,9 @@ pub struct PlantOptions {
     /// How large everybody else is. Absent from what is written where it is as recorded.
     #[serde(skip_serializing_if = "TrafficBoxes::is_recorded")]
     pub traffic_boxes: TrafficBoxes,
+    /// How the ego's car moves. Absent where it is a single-track model.
+    #[serde(skip_serializing_if = "EgoCar::is_single_track")]
+    pub ego_car: EgoCar,
     /// How the ego's car brakes while it settles at the beginning. Absent where it does as ever after.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub settling: Option<Settling>,
@@ -54,6 +57,27 @@ pub enum Obstacle {
     Reaches,
     /// One of its corners lies in the path: MetaDrive, which overlooks what stands across the whole path.
     Corner,
+    /// The same in a lane that bends as the path does, less than 20 m ahead along it as well: MetaDrive to the letter.
+    Lane,
+}
+
+/// How the ego's car moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EgoCar {
+    /// A single-track model with the limits above; IDM's wheels follow its wishes with a lag.
+    #[default]
+    SingleTrack,
+    /// MetaDrive's: a body on four sprung wheels, whose floor, loads and tyres decide what a pedal and a steering wheel do. IDM steers it
+    /// as in MetaDrive, by the jumps of its lane's heading, and sees it a physics step late. Pedals are those of `engine_mps2` and the
+    /// brakes above; `cornering_loss`, `grip_mps2` and `settling` are without effect.
+    Sprung,
+}
+
+impl EgoCar {
+    fn is_single_track(&self) -> bool {
+        *self == EgoCar::SingleTrack
+    }
 }
 
 /// The box of the ego.
@@ -121,6 +145,7 @@ impl PlantOptions {
         obstacle: Obstacle::Reaches,
         ego_box: EgoBox::Recorded,
         traffic_boxes: TrafficBoxes::Recorded,
+        ego_car: EgoCar::SingleTrack,
         settling: None,
     };
 
@@ -132,10 +157,11 @@ impl PlantOptions {
         grip_mps2: DEFAULT_LIMITS.grip_mps2,
         cornering_loss: CorneringLoss::Skid { share: 0.19, skid: 0.53, drive: 0.65, holds_mps2: 6.25 },
         follower_start: FollowerStart::Standing,
-        obstacle: Obstacle::Corner,
+        obstacle: Obstacle::Lane,
         ego_box: EgoBox::MetadriveDefault,
         traffic_boxes: TrafficBoxes::Metadrive,
-        settling: Some(Settling { seconds: 0.5, full_brake_mps2: 14.8 }),
+        ego_car: EgoCar::Sprung,
+        settling: None,
     };
 
     /// What a car can do.
@@ -215,6 +241,8 @@ struct OwnPlant {
     #[serde(default)]
     traffic_boxes: TrafficBoxes,
     #[serde(default)]
+    ego_car: EgoCar,
+    #[serde(default)]
     settling: Option<Settling>,
 }
 
@@ -233,6 +261,7 @@ impl From<WrittenPlant> for PlantOptions {
                 obstacle: own.obstacle,
                 ego_box: own.ego_box,
                 traffic_boxes: own.traffic_boxes,
+                ego_car: own.ego_car,
                 settling: own.settling,
             },
         }

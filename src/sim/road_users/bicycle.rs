@@ -136,6 +136,16 @@ impl Car {
         }
     }
 
+    /// The car that is seen there, pointing so: it slips in a bend, so that it is faster than along its heading.
+    pub(in crate::sim) fn seen(sample: &Sample, axis: Vec2, length_m: f64) -> Car {
+        let mut car = Car { axis, ..Car::new(sample, length_m) };
+        if car.speed_mps > 0.0 {
+            car.speed_mps = sample.speed_mps();
+            car.course = sample.velocity * (1.0 / car.speed_mps);
+        }
+        car
+    }
+
     /// Its pose and velocity as a sample; the velocity points along the course.
     pub fn sample(&self) -> Sample {
         Sample { position: self.position, heading_rad: self.heading_rad, velocity: self.course * self.speed_mps }

@@ -6,6 +6,7 @@ use crate::sim::accounts::end::End;
 use crate::sim::prepared::body::Size;
 use crate::sim::prepared::path::{Along, Path};
 use crate::sim::prepared::plant::Plant;
+use crate::sim::prepared::plant_options::{EgoCar, Obstacle};
 
 use super::idm::{self, Front, SIGHT_M};
 use super::others::{Others, Seen};
@@ -103,15 +104,26 @@ impl View<'_> {
 
     /// The nearest road user ahead on the route, as IDM sees it.
     pub fn front(&self) -> Option<Front> {
-        let path = &self.plant.route_ahead;
-        let known = Along { segment: path.segment_near(self.ego.along.s_m, 0), ..self.ego.along };
-        let own = path.project_near(self.ego.sample.position, &known, SIGHT_M, SIGHT_M);
-        let mut nearest = None;
         let obstacle = self.plant.options().plant.obstacle;
+        let (path, own) = match self.plant.lane() {
+            Some(lane) if obstacle == Obstacle::Lane => (lane, beside(lane, self.ego.sample.position)),
+            _ => {
+                let path = &self.plant.route_ahead;
+                let known = Along { segment: path.segment_near(self.ego.along.s_m, 0), ..self.ego.along };
+                (path, path.project_near(self.ego.sample.position, &known, SIGHT_M, SIGHT_M))
+            }
+        };
+        let mut nearest = None;
         self.world.for_each_near(self.plant, self.k, self.ego.sample.position, SIGHT_M, |near| {
             idm::nearer(&mut nearest, path, &own, near.position, near.axis, || near.velocity(), near.size, obstacle);
         });
         nearest
+    }
+
+    /// The lane by which MetaDrive's driver steers, and the ego's place on it; `None` for a car that is steered by the route.
+    pub fn on_lane(&self) -> Option<(&Path, Along)> {
+        let lane = self.plant.lane().filter(|_| self.plant.options().plant.ego_car == EgoCar::Sprung)?;
+        Some((lane, beside(lane, self.ego.sample.position)))
     }
 
     /// Metres along the route to the nearest stop point ahead whose light is red.
@@ -126,4 +138,9 @@ impl View<'_> {
         }
         nearest
     }
+}
+
+/// MetaDrive looks along the whole lane for the nearest piece.
+fn beside(lane: &Path, point: Vec2) -> Along {
+    lane.on_line_of(&lane.project(point), point)
 }

@@ -33,6 +33,9 @@ pub const HALF_PATH_WIDTH_M: f64 = 1.0;
 /// Traffic that comes this near to the end of its path leaves, metres.
 pub const DESTINATION_M: f64 = 2.0;
 
+/// The lane around a path begins so far before it, and ends as far beyond its end, metres.
+const LANE_BEYOND_M: f64 = 1.0;
+
 const KMPH: f64 = 3.6;
 
 /// What is ahead on the path.
@@ -69,6 +72,19 @@ pub fn acceleration_mps2(throttle: f64, limits: &Limits) -> f64 {
     }
 }
 
+/// The pedal in [-1, 1] that gives this acceleration, m/s²: [`acceleration_mps2`] backwards.
+pub(in crate::sim) fn pedal(acceleration_mps2: f64, limits: &Limits) -> f64 {
+    if acceleration_mps2 >= 0.0 {
+        return (acceleration_mps2 / limits.engine_mps2).min(1.0);
+    }
+    let (half, full) = (limits.half_brake_mps2, limits.brake_mps2);
+    match -acceleration_mps2 {
+        brake if brake <= half => -0.5 * brake / half,
+        brake if brake < full => -(0.5 + 0.5 * (brake - half) / (full - half)),
+        _ => -1.0,
+    }
+}
+
 /// How far ahead of `own` along the path an object is, if it is on the path. What lies beyond the path's end is on it
 /// if its box reaches back over the end.
 pub fn gap_on_path(
@@ -79,6 +95,9 @@ pub fn gap_on_path(
     size: &Size,
     obstacle: Obstacle,
 ) -> Option<f64> {
+    if obstacle == Obstacle::Lane {
+        return gap_in_lane(route, own, position, axis, size);
+    }
     let at = route.project_near(position, own, 0.0, SIGHT_M);
     let gap_m = at.s_m - own.s_m;
     if gap_m <= 0.0 || at.offset_m.abs() > size.radius_m + HALF_PATH_WIDTH_M {
@@ -93,13 +112,33 @@ pub fn gap_on_path(
         Obstacle::Reaches => {
             at.offset_m.abs() - size.half_length_m * across - size.half_width_m * along <= HALF_PATH_WIDTH_M
         }
-        Obstacle::Corner => size
+        Obstacle::Corner | Obstacle::Lane => size
             .at(Place { position, axis })
             .corners()
             .into_iter()
             .any(|corner| (at.offset_m + direction.cross(corner - position)).abs() <= HALF_PATH_WIDTH_M),
     };
     is_on_path.then_some(gap_m)
+}
+
+/// The same as MetaDrive has it: on the path is who has a corner in the lane around it, which bends as the path does, and is nearer
+/// than [`SIGHT_M`] along it, too.
+fn gap_in_lane(lane: &Path, own: &Along, position: Vec2, axis: Vec2, size: &Size) -> Option<f64> {
+    let near = lane.project_near(position, own, SIGHT_M, 2.0 * SIGHT_M);
+    if near.offset_m.abs() > size.radius_m + HALF_PATH_WIDTH_M {
+        return None;
+    }
+    let gap_m = lane.on_line_of(&near, position).s_m - own.s_m;
+    if gap_m <= 0.0 || gap_m >= SIGHT_M {
+        return None;
+    }
+    let end_m = lane.length_m().ceil() + LANE_BEYOND_M;
+    let mut corners = size.at(Place { position, axis }).corners().into_iter();
+    let is_in_lane = corners.any(|corner| {
+        let at = lane.project_near(corner, own, SIGHT_M, 2.0 * SIGHT_M);
+        at.offset_m.abs() <= HALF_PATH_WIDTH_M && (-LANE_BEYOND_M..=end_m).contains(&at.s_m)
+    });
+    is_in_lane.then_some(gap_m)
 }
 
 /// Puts an object in the place of `nearest` if it is on the path and nearer; the first of equals stays. Its velocity is

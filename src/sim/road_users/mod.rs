@@ -11,6 +11,7 @@ pub(super) mod observing;
 pub(super) mod others;
 pub mod script;
 pub mod skills;
+pub(super) mod sprung;
 pub(super) mod traffic;
 mod triggered;
 

@@ -10,6 +10,7 @@ use crate::sim::encounters::contact;
 use crate::sim::encounters::hit::{Hit, Mover, Swept};
 use crate::sim::prepared::body::{Place, SUBSTEP_S, SUBSTEPS, Size, sample_during};
 use crate::sim::prepared::plant::Plant;
+use crate::sim::prepared::plant_options::EgoCar;
 use crate::sim::road_users::actors::{Mind, adversaries, set_off};
 use crate::sim::road_users::bicycle::Car;
 use crate::sim::road_users::driver::{Control, EgoState, View};
@@ -17,6 +18,7 @@ use crate::sim::road_users::intervention::{Action, Intervention};
 use crate::sim::road_users::observing::Surroundings;
 use crate::sim::road_users::others::Others;
 use crate::sim::road_users::skills::EgoForecast;
+use crate::sim::road_users::sprung::SprungCar;
 use crate::sim::road_users::traffic;
 
 use super::held::Held;
@@ -36,6 +38,8 @@ pub(in crate::sim) struct ClosedLoop<'a> {
     pub replays: bool,
     pub ego: EgoState,
     car: Car,
+    /// The ego's car where the plant has it on springs; `car` then stands where that one is shown.
+    sprung: Option<SprungCar>,
     /// Tracks that overlapped the ego when they appeared and have not left it since.
     ghosts: Vec<bool>,
 }
@@ -45,7 +49,10 @@ pub(in crate::sim) struct EgoStep {
     pub path: Swept,
     /// After each physics step.
     pub samples: [Sample; SUBSTEPS],
+    /// At the end of the step, as everybody sees it.
+    pub shown: Sample,
     pub car: Car,
+    pub sprung: Option<SprungCar>,
     pub steering_rad: f64,
     pub reach_m: f64,
 }
@@ -76,7 +83,9 @@ impl<'a> ClosedLoop<'a> {
             size: plant.ego_size,
             along: plant.route.project(plant.ego_start.position),
         };
+        let sprung = plant.options().plant.ego_car == EgoCar::Sprung;
         Ok(ClosedLoop {
+            sprung: sprung.then(|| SprungCar::new(&plant.ego_start)),
             replays,
             ghosts: vec![false; plant.tracks()],
             count: world.actors.len(),
@@ -123,15 +132,35 @@ impl<'a> ClosedLoop<'a> {
 
     /// The ego's motion through the k-th step under constant controls.
     pub fn drive(&self, acceleration_mps2: f64, steering_rad: f64, k: usize) -> EgoStep {
+        let limit = self.plant.limits().steering_rad;
+        if let Some(sprung) = &self.sprung {
+            let cars = sprung.drive(acceleration_mps2, steering_rad, self.plant.limits());
+            let mut path = [sprung.place(); SUBSTEPS + 1];
+            for (place, car) in path[1..].iter_mut().zip(&cars) {
+                *place = car.place();
+            }
+            let last = cars[SUBSTEPS - 1];
+            let shown = last.shown();
+            return EgoStep {
+                samples: cars.map(|car| car.sample()),
+                shown,
+                car: Car::seen(&shown, Vec2::from_heading(shown.heading_rad), 2.0 * self.ego.size.half_length_m),
+                sprung: Some(last),
+                steering_rad: steering_rad.clamp(-limit, limit),
+                reach_m: reach(&path, self.ego.size.radius_m),
+                path,
+            };
+        }
         let cars = self.car.drive(acceleration_mps2, steering_rad, &self.plant.limits().at_step(k));
         let mut path = [self.car.place(); SUBSTEPS + 1];
         for (place, car) in path[1..].iter_mut().zip(&cars) {
             *place = car.place();
         }
-        let limit = self.plant.limits().steering_rad;
         EgoStep {
             samples: cars.map(|car| car.sample()),
+            shown: cars[SUBSTEPS - 1].sample(),
             car: cars[SUBSTEPS - 1],
+            sprung: None,
             steering_rad: steering_rad.clamp(-limit, limit),
             reach_m: reach(&path, self.ego.size.radius_m),
             path,
@@ -144,7 +173,15 @@ impl<'a> ClosedLoop<'a> {
         let now = &self.ego.sample;
         let samples = core::array::from_fn(|j| sample_during(now, Some(next), &path[j + 1], j + 1));
         let car = Car::new(next, 2.0 * self.ego.size.half_length_m);
-        EgoStep { samples, car, steering_rad: 0.0, reach_m: reach(&path, self.ego.size.radius_m), path }
+        let sprung = self.sprung.is_some().then(|| SprungCar::new(next));
+        let reach_m = reach(&path, self.ego.size.radius_m);
+        EgoStep { shown: samples[SUBSTEPS - 1], samples, car, sprung, steering_rad: 0.0, reach_m, path }
+    }
+
+    /// Gives the ego the single-track car of a careful driver, where it is seen: what such a driver can avoid does not hang on springs.
+    pub fn without_springs(mut self) -> ClosedLoop<'a> {
+        self.sprung = None;
+        self
     }
 
     /// What reactive traffic decides at the k-th step.
@@ -224,8 +261,8 @@ impl<'a> ClosedLoop<'a> {
 
     /// Makes the next pose of everyone the present one.
     pub fn commit(&mut self, step: &EgoStep) {
-        self.car = step.car;
-        self.move_ego(step.samples[SUBSTEPS - 1], step.car.axis, step.steering_rad, DT_S);
+        (self.car, self.sprung) = (step.car, step.sprung);
+        self.move_ego(step.shown, step.car.axis, step.steering_rad, DT_S);
         for actor in &mut self.world.actors {
             actor.commit();
         }

@@ -229,18 +229,13 @@ fn ego_step(now: &Pose, next: &Pose, substeps: usize, size: &Size) -> EgoStep {
     let (first, last) = (now.place(), next.place());
     let at = |j: usize| if j < substeps { first.towards(&last, j as f64 / substeps as f64) } else { last };
     let path: Swept = core::array::from_fn(at);
-    let mut car = Car::new(&next.sample, 2.0 * size.half_length_m);
-    car.axis = next.axis;
-    if car.speed_mps > 0.0 {
-        // A car slips in a bend: it is faster than along its heading.
-        car.speed_mps = next.sample.speed_mps();
-        car.course = next.sample.velocity * (1.0 / car.speed_mps);
-    }
+    let car = Car::seen(&next.sample, next.axis, 2.0 * size.half_length_m);
     let samples = core::array::from_fn(|j| match j + 1 < substeps {
         true => Sample { position: path[j + 1].position, heading_rad: path[j + 1].axis.heading(), ..next.sample },
         false => next.sample,
     });
-    EgoStep { samples, car, steering_rad: 0.0, reach_m: reach(&path, size.radius_m), path }
+    let (shown, reach_m) = (samples[SUBSTEPS - 1], reach(&path, size.radius_m));
+    EgoStep { samples, shown, car, sprung: None, steering_rad: 0.0, reach_m, path }
 }
 
 impl<'a> Relived<'a> for Reenacted<'a> {

@@ -9,5 +9,6 @@ mod obedience;
 mod plant;
 mod recorded;
 mod rollouts;
+mod sprung;
 mod triggered;
 mod world;

@@ -18,6 +18,15 @@ fn metadrive() -> SimulatorOptions {
     SimulatorOptions { plant: PlantOptions::METADRIVE_0_4_3, ..SimulatorOptions::SHIPPED }
 }
 
+/// MetaDrive's car as its brakes and bends were fitted, without springs.
+fn fitted() -> SimulatorOptions {
+    let mut options = metadrive();
+    options.plant.ego_car = EgoCar::SingleTrack;
+    options.plant.obstacle = Obstacle::Corner;
+    options.plant.settling = Some(bicycle::Settling { seconds: 0.5, full_brake_mps2: 14.8 });
+    options
+}
+
 fn under(scene: &Scene, options: &SimulatorOptions) -> Outcome {
     let plant = Plant::with_options(PreparedScene::new(Arc::new(scene.clone())), options).unwrap();
     rollout(&plant, &Intervention::default(), &mut *Policy::Idm.driver()).unwrap()
@@ -34,7 +43,7 @@ fn measured(speed_mps: f64, acceleration_mps2: f64, steer: f64, limits: &Limits)
 const BRAKES: [(f64, f64); 6] = [(0.1, 1.63), (0.2, 3.25), (0.3, 4.88), (0.5, 8.05), (0.7, 9.71), (1.0, 11.68)];
 
 #[test]
-fn the_metadrive_plant_brakes_and_accelerates_as_measured() {
+fn a_fitted_plant_brakes_and_accelerates_as_measured() {
     let limits = PlantOptions::METADRIVE_0_4_3.limits();
     for (pedal, deceleration) in BRAKES {
         let law = -idm::acceleration_mps2(-pedal, &limits);
@@ -81,7 +90,7 @@ fn errors(rows: &[(f64, f64, f64)], pedal_mps2: f64, limits: &Limits) -> Vec<f64
 
 /// Neither table was used to fit the law: it rests on drives from other speeds (docs/PLANT.md).
 #[test]
-fn a_bend_costs_the_metadrive_plant_what_was_measured_with_and_without_throttle() {
+fn a_bend_costs_a_fitted_plant_what_was_measured_with_and_without_throttle() {
     let limits = PlantOptions::METADRIVE_0_4_3.limits();
     for (rows, pedal_mps2, mean_most, most) in
         [(&BENDS_AT_FULL_THROTTLE[..], limits.engine_mps2, 0.15, 0.45), (&BENDS_COASTING[..], 0.0, 0.3, 0.6)]
@@ -100,8 +109,8 @@ fn a_bend_costs_the_metadrive_plant_what_was_measured_with_and_without_throttle(
 const BRAKES_FROM_THE_START: [f64; 9] = [-16.5, -15.7, -14.6, -13.9, -13.2, -11.3, -8.5, -10.3, -11.0];
 
 #[test]
-fn the_metadrive_plant_brakes_harder_while_its_car_settles() {
-    let limits = PlantOptions::METADRIVE_0_4_3.limits();
+fn a_fitted_plant_brakes_harder_while_its_car_settles() {
+    let limits = fitted().plant.limits();
     let (mut speed, mut measured_mps) = (20.0, 20.0);
     for (k, change) in BRAKES_FROM_THE_START.into_iter().enumerate() {
         let now = limits.at_step(k);
@@ -118,7 +127,7 @@ fn the_metadrive_plant_brakes_harder_while_its_car_settles() {
 }
 
 #[test]
-fn the_ego_stops_sooner_at_the_beginning_of_an_episode_under_the_metadrive_plant() {
+fn the_ego_stops_sooner_at_the_beginning_of_an_episode_while_its_car_settles() {
     let wall = car("wall", straight(sample(21.0, 0.0, 0.0, 0.0), 91));
     let scene = straight_road(91, 16.0, vec![wall]);
     let speed_mps = |options: &SimulatorOptions, k: usize| {
@@ -126,9 +135,9 @@ fn the_ego_stops_sooner_at_the_beginning_of_an_episode_under_the_metadrive_plant
         let (_, trace) = rollout_traced(&plant, &Intervention::default(), &mut *Policy::Idm.driver()).unwrap();
         trace.ego[k].speed_mps()
     };
-    let mut settled = metadrive();
+    let mut settled = fitted();
     settled.plant.settling = None;
-    assert!((speed_mps(&metadrive(), 5) - (16.0 - 0.5 * 14.8)).abs() < 0.2, "{}", speed_mps(&metadrive(), 5));
+    assert!((speed_mps(&fitted(), 5) - (16.0 - 0.5 * 14.8)).abs() < 0.2, "{}", speed_mps(&fitted(), 5));
     assert!((speed_mps(&settled, 5) - (16.0 - 0.5 * 11.4)).abs() < 0.2, "{}", speed_mps(&settled, 5));
 }
 
@@ -240,8 +249,10 @@ fn a_wide_lead_is_seen_by_the_corners_of_metadrives_box_and_not_by_its_own() {
 #[test]
 fn what_a_plant_does_as_ever_is_not_written() {
     let written = toml::to_string(&physical()).unwrap();
-    assert!(!written.contains("traffic_boxes") && !written.contains("settling"), "{written}");
+    let absent = ["traffic_boxes", "settling", "ego_car"];
+    assert!(absent.iter().all(|option| !written.contains(option)), "{written}");
     assert!(toml::to_string(&metadrive()).unwrap().contains("traffic_boxes = \"metadrive\""));
+    assert!(toml::to_string(&fitted()).unwrap().contains("[plant.settling]"));
 }
 
 #[test]

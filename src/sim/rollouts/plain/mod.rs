@@ -21,6 +21,7 @@ mod tests;
 
 use crate::kernel::Vec2;
 use crate::scene::{DT_S, Sample, Scene};
+use crate::sim::EgoCar;
 use crate::sim::accounts::feasibility::{DRIVABLE_TOLERANCE_M, StepMeter};
 use crate::sim::accounts::motion::MotionMeter;
 use crate::sim::accounts::outcome::ACTED_M;
@@ -36,6 +37,7 @@ use crate::sim::road_users::bicycle::Car;
 use crate::sim::road_users::driver::Control;
 use crate::sim::road_users::idm::{self, Front, SIGHT_M};
 use crate::sim::road_users::skills::EgoForecast;
+use crate::sim::road_users::sprung::SprungCar;
 use crate::sim::{Action, ActorRef, AdversaryReport, End, Feasibility, Intervention, Outcome, Plant};
 
 use self::bodies::{Body, Mind, begins};
@@ -57,8 +59,9 @@ struct Other {
     places: [Place; SUBSTEPS + 1],
 }
 
-/// The ego, likewise.
+/// The ego, likewise, and where it is seen at the end.
 struct Ego {
+    shown: Sample,
     samples: [Sample; SUBSTEPS + 1],
     places: [Place; SUBSTEPS + 1],
 }
@@ -154,11 +157,22 @@ impl Plain<'_> {
         }
     }
 
-    fn ego_step(&self, car: &Car, now: &Sample, k: usize) -> Option<(Ego, Car)> {
+    fn ego_step(&self, car: &Car, sprung: &mut Option<SprungCar>, now: &Sample, k: usize) -> Option<(Ego, Car)> {
         match self.controls.get(k)? {
+            Control::Drive { acceleration_mps2, steering_rad } if let Some(on_springs) = sprung => {
+                let cars = on_springs.drive(*acceleration_mps2, *steering_rad, self.plant.limits());
+                let shown = cars[SUBSTEPS - 1].shown();
+                let mut ego = Ego { shown, samples: [*now; SUBSTEPS + 1], places: [on_springs.place(); SUBSTEPS + 1] };
+                for (j, moved) in cars.iter().enumerate() {
+                    (ego.samples[j + 1], ego.places[j + 1]) = (moved.sample(), moved.place());
+                }
+                *on_springs = cars[SUBSTEPS - 1];
+                Some((ego, Car::new(&shown, 2.0 * self.plant.ego_size.half_length_m)))
+            }
             Control::Drive { acceleration_mps2, steering_rad } => {
                 let cars = car.drive(*acceleration_mps2, *steering_rad, &self.plant.limits().at_step(k));
-                let mut ego = Ego { samples: [*now; SUBSTEPS + 1], places: [car.place(); SUBSTEPS + 1] };
+                let shown = cars[SUBSTEPS - 1].sample();
+                let mut ego = Ego { shown, samples: [*now; SUBSTEPS + 1], places: [car.place(); SUBSTEPS + 1] };
                 for (j, moved) in cars.iter().enumerate() {
                     (ego.samples[j + 1], ego.places[j + 1]) = (moved.sample(), moved.place());
                 }
@@ -167,7 +181,9 @@ impl Plain<'_> {
             Control::FollowLog => {
                 let next = self.scene.ego.track.at(self.plant.first_step() + k + 1)?;
                 let places = places_between(now, Some(next));
-                let ego = Ego { samples: between(now, Some(next), &places), places };
+                *sprung = sprung.map(|_| SprungCar::new(next));
+                let samples = between(now, Some(next), &places);
+                let ego = Ego { shown: samples[SUBSTEPS], samples, places };
                 Some((ego, Car::new(next, 2.0 * self.plant.ego_size.half_length_m)))
             }
         }
@@ -190,6 +206,8 @@ impl Plain<'_> {
             }
         }
         let mut car = Car::new(&plant.ego_start, 2.0 * size.half_length_m);
+        let on_springs = plant.options().plant.ego_car == EgoCar::Sprung;
+        let mut sprung = on_springs.then(|| SprungCar::new(&plant.ego_start));
         let mut now = plant.ego_start;
         let mut along = plant.route.project(now.position);
         let start_s_m = along.s_m.clamp(0.0, plant.route.length_m());
@@ -208,7 +226,7 @@ impl Plain<'_> {
             if k == plant.steps() {
                 break;
             }
-            let Some((ego, moved)) = self.ego_step(&car, &now, k) else { break };
+            let Some((ego, moved)) = self.ego_step(&car, &mut sprung, &now, k) else { break };
             let place = Place { position: now.position, axis };
             let forecast = EgoForecast { place, velocity: now.velocity, acceleration_mps2: acceleration, size };
             self.throttles(&mut actors, &bare, &now);
@@ -241,7 +259,7 @@ impl Plain<'_> {
             if j > 0 {
                 let seconds = if j == SUBSTEPS { DT_S } else { j as f64 * SUBSTEP_S };
                 let before = now;
-                (now, car) = (ego.samples[j], moved);
+                (now, car) = (if hit.is_some() { ego.samples[j] } else { ego.shown }, moved);
                 acceleration = (now.speed_mps() - before.speed_mps()) / seconds;
                 let window = 5.0 + now.position.distance(before.position);
                 along = plant.route.project_near(now.position, &along, window, window);

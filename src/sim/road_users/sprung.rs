@@ -1,0 +1,259 @@
+//! MetaDrive's default car: a rigid body on four sprung wheels that look for the road by rays, as Bullet's raycast vehicle has it
+//! (`btRaycastVehicle`, Bullet 2.8), on level ground. Springs, tyres, brakes and the order in which they act are Bullet's, the numbers are
+//! those of MetaDrive 0.4.3; nothing is fitted but what the first physics step costs.
+//!
+//! A wheel's tyre takes a fifth of its sideways speed away in each physics step, as far as friction times load lasts. A wheel that wants more slides,
+//! and then everything that it does shrinks. So a wheel turned sharply holds little, pushes outward and costs speed, brakes take less from
+//! the unloaded rear wheels, and a car that is put on the road with its springs pressed together brakes better while it rises.
+
+use nalgebra::{Matrix3, Quaternion, Vector3};
+
+use crate::kernel::{Vec2, num};
+use crate::scene::Sample;
+use crate::sim::prepared::body::{Place, SUBSTEP_S, SUBSTEPS};
+
+use super::bicycle::Limits;
+use super::idm;
+
+type Vector = Vector3<f64>;
+
+const MASS_KG: f64 = 1100.0;
+/// Of a box of 1.852 x 4.515 x 1.19 m about its right, forward and upward axis, kg m².
+const INERTIA_KGM2: [f64; 3] = [1998.45, 444.217, 2183.05];
+const GRAVITY_MPS2: f64 = 9.81;
+/// Drive of a wheel at full throttle, N.
+const ENGINE_N: f64 = 759.4636;
+/// What a wheel's brake takes at most in a physics step at full pedal, N s.
+const BRAKE_NS: f64 = 89.4636;
+/// The same while the throttle is shut, and no brake is pressed, N s.
+const IDLE_BRAKE_NS: f64 = 2.0;
+/// Where the wheels hang: half the track, and so far before and behind the centre, metres. The height is that above the car's origin.
+const TRACK_M: f64 = 0.815;
+const FRONT_M: f64 = 1.05234;
+const REAR_M: f64 = 1.4166;
+const HUNG_M: f64 = 0.113;
+const WHEEL_RADIUS_M: f64 = 0.313;
+/// Length of a spring without load, and how far it gives way, metres.
+const SPRING_M: f64 = 0.4;
+const SPRING_TRAVEL_M: f64 = 0.15;
+/// A spring's force over its compression and the car's mass, 1/s².
+const STIFFNESS: f64 = 40.0;
+/// What a damper does to the speed of compression and of relaxation, times the mass, 1/s.
+const COMPRESSION: f64 = 1.2;
+const RELAXATION: f64 = 4.8;
+/// Most that a spring pushes the car with, N. The tyre's load is not bounded so.
+const SPRING_N_MAX: f64 = 6000.0;
+/// Friction of a tyre, and the part of the lever by which its side force rolls the car.
+const FRICTION: f64 = 0.9;
+const ROLL_SHARE: f64 = 0.5;
+/// Part of a wheel's sideways speed that its tyre takes away in a physics step, and how much of a forward impulse counts against friction.
+const SIDE_SHARE: f64 = 0.2;
+const FORWARD_SHARE: f64 = 0.5;
+/// MetaDrive puts the car on the road with its floor on the ground. One corner scrapes in the first physics step: what that costs in speed, and
+/// gives upwards, m/s. Measured; the rest of this file is not.
+const SCRAPE_MPS: f64 = 0.0205;
+const BUMP_MPS: f64 = 0.033;
+
+/// Right, forward and upward: front left and right as seen from above, then rear.
+const WHEELS: [[f64; 3]; 4] =
+    [[TRACK_M, FRONT_M, HUNG_M], [-TRACK_M, FRONT_M, HUNG_M], [TRACK_M, -REAR_M, HUNG_M], [-TRACK_M, -REAR_M, HUNG_M]];
+const FRONT_WHEELS: usize = 2;
+
+/// A car in motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SprungCar {
+    /// Its origin, metres; the ground is at height 0.
+    position: Vector,
+    /// Turns the axes right, forward, upward into the scene's.
+    orientation: Quaternion<f64>,
+    velocity: Vector,
+    /// Angular velocity, rad/s.
+    spin: Vector,
+    /// Its centre and where it points: what position and orientation come to on the ground.
+    pose: (Vec2, f64),
+    /// Where it was a physics step ago. MetaDrive shows every body there, to its driver, too.
+    shown: (Vec2, f64),
+    /// Not moved yet since it was put on the road.
+    scrapes: bool,
+}
+
+/// What a wheel does in a physics step.
+#[derive(Clone, Copy)]
+struct Wheel {
+    /// From the car's origin to where it touches the road, metres.
+    lever: Vector,
+    /// Load, N; 0 in the air.
+    load_n: f64,
+    touches: bool,
+    /// Unit vectors on the road.
+    axle: Vector,
+    ahead: Vector,
+    /// Impulses, N s.
+    forward_ns: f64,
+    side_ns: f64,
+}
+
+impl SprungCar {
+    /// A car put on the road at a sample.
+    pub fn new(sample: &Sample) -> SprungCar {
+        let (sine, cosine) = num::sin_cos(0.5 * (sample.heading_rad - num::FRAC_PI_2));
+        SprungCar {
+            position: Vector::new(sample.position.x, sample.position.y, 0.0),
+            orientation: Quaternion::new(cosine, 0.0, 0.0, sine),
+            velocity: Vector::new(sample.velocity.x, sample.velocity.y, 0.0),
+            spin: Vector::zeros(),
+            pose: (sample.position, sample.heading_rad),
+            shown: (sample.position, sample.heading_rad),
+            scrapes: true,
+        }
+    }
+
+    /// Where it is.
+    pub fn place(&self) -> Place {
+        let (position, heading_rad) = self.pose;
+        Place { position, axis: Vec2::from_heading(heading_rad) }
+    }
+
+    /// Where it is, and how it moves.
+    pub fn sample(&self) -> Sample {
+        self.sample_at(self.pose)
+    }
+
+    /// Where MetaDrive shows it: a physics step late, with the velocity of now.
+    pub fn shown(&self) -> Sample {
+        self.sample_at(self.shown)
+    }
+
+    fn sample_at(&self, (position, heading_rad): (Vec2, f64)) -> Sample {
+        Sample { position, heading_rad, velocity: Vec2::new(self.velocity.x, self.velocity.y) }
+    }
+
+    /// One decision step under constant controls: the car after each physics step. The acceleration is that of a pedal
+    /// ([`idm::pedal`]): what the pedal does to this car depends on its loads.
+    pub fn drive(&self, acceleration_mps2: f64, steering_rad: f64, limits: &Limits) -> [SprungCar; SUBSTEPS] {
+        let pedal = idm::pedal(acceleration_mps2, limits);
+        let steering_rad = steering_rad.clamp(-limits.steering_rad, limits.steering_rad);
+        let mut car = *self;
+        core::array::from_fn(|_| {
+            car.substep(pedal, steering_rad, limits.speed_mps);
+            car
+        })
+    }
+
+    /// Bodies move first, by the speed they have, and springs and tyres act after that.
+    fn substep(&mut self, pedal: f64, steering_rad: f64, speed_mps_max: f64) {
+        self.shown = self.pose;
+        let speed_mps = num::hypot(self.velocity.x, self.velocity.y);
+        let engine_n = if pedal >= 0.0 && speed_mps <= speed_mps_max { ENGINE_N * pedal } else { 0.0 };
+        let brake_ns = if pedal >= 0.0 { IDLE_BRAKE_NS } else { -BRAKE_NS * pedal };
+        self.velocity.z -= GRAVITY_MPS2 * SUBSTEP_S;
+        self.position += self.velocity * SUBSTEP_S;
+        self.turn();
+        let axes = rotation(&self.orientation);
+        self.pose = (Vec2::new(self.position.x, self.position.y), num::atan2(axes[(1, 1)], axes[(0, 1)]));
+        let inverse = axes * Matrix3::from_diagonal(&Vector::from(INERTIA_KGM2.map(|i| 1.0 / i))) * axes.transpose();
+        let turned = num::sin_cos(steering_rad);
+        let mut wheels: [Wheel; 4] = core::array::from_fn(|i| self.wheel(i, &axes, turned));
+        for wheel in &wheels {
+            let push = Vector::z() * (wheel.load_n.min(SPRING_N_MAX) * SUBSTEP_S);
+            self.push(push, wheel.lever, &inverse);
+        }
+        let on_road = wheels.iter().filter(|wheel| wheel.touches).count().max(1) as f64;
+        let mut slides = [1.0; 4];
+        for (wheel, slides) in wheels.iter_mut().zip(&mut slides).filter(|(wheel, _)| wheel.touches) {
+            let moves = self.velocity + self.spin.cross(&wheel.lever);
+            wheel.side_ns = -SIDE_SHARE * wheel.axle.dot(&moves) / yields(wheel.lever, wheel.axle, &inverse);
+            wheel.forward_ns = if engine_n != 0.0 {
+                engine_n * SUBSTEP_S
+            } else {
+                let stops = -wheel.ahead.dot(&moves) / yields(wheel.lever, wheel.ahead, &inverse) / on_road;
+                stops.clamp(-brake_ns, brake_ns)
+            };
+            let (most, forward) = (wheel.load_n * SUBSTEP_S * FRICTION, FORWARD_SHARE * wheel.forward_ns);
+            let wanted = (forward * forward + wheel.side_ns * wheel.side_ns).sqrt();
+            *slides = if wanted > most { most / wanted } else { 1.0 };
+        }
+        for (wheel, slides) in wheels.iter_mut().zip(slides) {
+            // A wheel without any side force slides as little as it likes: Bullet's rule.
+            let slides = if wheel.side_ns != 0.0 { slides } else { 1.0 };
+            self.push(wheel.ahead * (wheel.forward_ns * slides), wheel.lever, &inverse);
+            let up = axes.column(2).into_owned();
+            let lever = wheel.lever - up * (up.dot(&wheel.lever) * (1.0 - ROLL_SHARE));
+            self.push(wheel.axle * (wheel.side_ns * slides), lever, &inverse);
+        }
+        self.scrape();
+    }
+
+    fn turn(&mut self) {
+        let rate = self.spin.norm();
+        if rate > 1e-12 {
+            let (sine, cosine) = num::sin_cos(0.5 * rate * SUBSTEP_S);
+            let axis = self.spin * (sine / rate);
+            let turned = Quaternion::new(cosine, axis.x, axis.y, axis.z) * self.orientation;
+            self.orientation = turned / turned.norm();
+        }
+    }
+
+    /// A wheel's place on the road and its load, by sine and cosine of the front wheels' angle. Side and forward impulses are still to be worked out.
+    fn wheel(&self, i: usize, axes: &Matrix3<f64>, turned: (f64, f64)) -> Wheel {
+        let (right, up) = (axes.column(0).into_owned(), axes.column(2).into_owned());
+        let hung = axes * Vector::from(WHEELS[i]);
+        // Down the car's own axis to height 0.
+        let reach_m = if up.z > 0.0 { (self.position.z + hung.z) / up.z } else { f64::INFINITY };
+        let touches = (0.0..=SPRING_M + WHEEL_RADIUS_M).contains(&reach_m);
+        let lever = hung - up * reach_m.clamp(0.0, SPRING_M + WHEEL_RADIUS_M);
+        let load_n = if touches {
+            let spring_m = (reach_m - WHEEL_RADIUS_M).clamp(SPRING_M - SPRING_TRAVEL_M, SPRING_M + SPRING_TRAVEL_M);
+            let rises = (self.velocity + self.spin.cross(&lever)).z;
+            // A car that lies on its side is none.
+            let (inverse, rises) = if up.z <= 0.1 { (10.0, 0.0) } else { (1.0 / up.z, rises / up.z) };
+            let damper = if rises < 0.0 { COMPRESSION } else { RELAXATION };
+            (MASS_KG * (STIFFNESS * (SPRING_M - spring_m) * inverse - damper * rises)).max(0.0)
+        } else {
+            0.0
+        };
+        let (sine, cosine) = if i < FRONT_WHEELS { turned } else { (0.0, 1.0) };
+        let axle = right * cosine + up.cross(&right) * sine;
+        let axle = Vector::new(axle.x, axle.y, 0.0).normalize();
+        Wheel { lever, load_n, touches, axle, ahead: Vector::z().cross(&axle), forward_ns: 0.0, side_ns: 0.0 }
+    }
+
+    fn push(&mut self, impulse_ns: Vector, lever: Vector, inverse: &Matrix3<f64>) {
+        self.velocity += impulse_ns / MASS_KG;
+        self.spin += inverse * lever.cross(&impulse_ns);
+    }
+
+    fn scrape(&mut self) {
+        if !core::mem::replace(&mut self.scrapes, false) {
+            return;
+        }
+        let speed_mps = num::hypot(self.velocity.x, self.velocity.y);
+        if speed_mps > 0.0 {
+            let share = (1.0 - SCRAPE_MPS / speed_mps).max(0.0);
+            (self.velocity.x, self.velocity.y) = (self.velocity.x * share, self.velocity.y * share);
+        }
+        self.velocity.z += BUMP_MPS;
+    }
+}
+
+/// How much speed an impulse of 1 N s at a lever gives the body there in its own direction, 1/kg.
+fn yields(lever: Vector, direction: Vector, inverse: &Matrix3<f64>) -> f64 {
+    let moment = lever.cross(&direction);
+    1.0 / MASS_KG + moment.dot(&(inverse * moment))
+}
+
+/// The columns are the car's axes right, forward, upward.
+fn rotation(q: &Quaternion<f64>) -> Matrix3<f64> {
+    let (w, x, y, z) = (q.w, q.i, q.j, q.k);
+    Matrix3::new(
+        1.0 - 2.0 * (y * y + z * z),
+        2.0 * (x * y - w * z),
+        2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z),
+        1.0 - 2.0 * (x * x + z * z),
+        2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y),
+        2.0 * (y * z + w * x),
+        1.0 - 2.0 * (x * x + y * y),
+    )
+}

@@ -36,8 +36,9 @@ function agreementTransfers(rows) {
     el("tbody", {}, rows.map((r) => el("tr", {}, el("td", { class: "name" }, r.evolved), td(r.rollouts), r.gains.flatMap((g) => [gain(g.first), gain(g.second)])))));
 }
 function agreementChart(rows) {
-  const shown = rows.filter((r) => r.of === "program" || r.of === "family" || r.of === "cluster"), dy = 22, left = 170, width = 620, right = 20, top = 8;
-  const least = Math.min(0.5, ...shown.map((r) => r.agreement.low)), height = top + dy * shown.length + 34;
+  const shown = rows.filter((r) => r.of === "program" || r.of === "family" || r.of === "cluster"), dy = 22, width = 620, right = 20, top = 8;
+  const left = 24 + 7 * Math.max(...shown.map((r) => r.row.length + (r.of === "program" ? 0 : r.of.length + 1)));
+  const least = Math.floor(10 * Math.min(0.9, ...shown.map((r) => r.agreement.low))) / 10, height = top + dy * shown.length + 34;
   const x = (v) => left + (v - least) / (1 - least) * (width - left - right), bottom = height - 26;
   const root = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": "agreement by program, family and cluster" });
   for (let t = Math.ceil(10 * least); t <= 10; t++) root.append(svg("line", { class: "grid", x1: x(t / 10), x2: x(t / 10), y1: top, y2: bottom }), svg("text", { class: "dim", x: x(t / 10), y: bottom + 18, "text-anchor": "middle" }, `${10 * t} %`));

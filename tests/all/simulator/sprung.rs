@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use crate::ego::Policy;
 use crate::kernel::{Vec2, num};
 use crate::scene::{PreparedScene, Scene};
 use crate::scenes::*;
@@ -209,29 +208,4 @@ fn metadrives_driver_is_shown_its_car_a_physics_step_late() {
     assert!((x - 0.8).abs() < 0.01, "{x}");
     episode.step(rolls).unwrap();
     assert!((episode.observe().ego().sample.position.x - x - 1.0).abs() < 0.01);
-}
-
-#[test]
-fn a_swerving_ego_is_taken_off_its_springs_to_ask_what_it_could_have_avoided() {
-    // Somebody who has stood in the way all the time is avoidable, whatever car the driver has.
-    let scene = straight_road(91, 12.0, vec![car("stands", straight(sample(60.0, 0.0, 0.0, 0.0), 91))]);
-    let plant = Plant::with_options(PreparedScene::new(Arc::new(scene)), &metadrive()).unwrap();
-    let act = Intervention {
-        actions: vec![Action::Follow { track: 0, from_step: 0, samples: vec![sample(60.0, 0.0, 0.0, 0.0); 91] }],
-    };
-    let mut outcome = rollout(&plant, &act, &mut Blind).unwrap();
-    assess(&plant, &act, &mut Blind, &mut outcome).unwrap();
-    assert_eq!(outcome.contact.unwrap().avoidable, Some(true));
-    assert!(rollout(&plant, &act, &mut *Policy::Idm.driver()).unwrap().contact.is_none());
-}
-
-/// Sees nothing and keeps its pedal.
-struct Blind;
-
-impl Driver for Blind {
-    fn begin(&mut self, _: &Plant) {}
-
-    fn decide(&mut self, _: &View<'_>) -> Control {
-        Control::Drive { acceleration_mps2: 0.0, steering_rad: 0.0 }
-    }
 }

@@ -37,7 +37,7 @@ function agreementTransfers(rows) {
 }
 function agreementChart(rows) {
   const shown = rows.filter((r) => r.of === "program" || r.of === "family" || r.of === "cluster"), dy = 22, width = 620, right = 20, top = 8;
-  const left = 24 + 7 * Math.max(...shown.map((r) => r.row.length + (r.of === "program" ? 0 : r.of.length + 1)));
+  const left = 24 + 7 * Math.min(48, Math.max(0, ...shown.map((r) => r.row.length + (r.of === "program" ? 0 : r.of.length + 1))));
   const least = Math.floor(10 * Math.min(0.9, ...shown.map((r) => r.agreement.low))) / 10, height = top + dy * shown.length + 34;
   const x = (v) => left + (v - least) / (1 - least) * (width - left - right), bottom = height - 26;
   const root = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": "agreement by program, family and cluster" });

@@ -108,7 +108,11 @@ impl Plant {
         let route_ahead = Path::simplified(&scene.ego.route, start.heading_rad, PATH_TOLERANCE_M)
             .ok_or_else(|| refuse("ego route", "needs at least one finite point"))?;
         let by_lane = options.plant.ego_car == EgoCar::Sprung || options.plant.obstacle == Obstacle::Lane;
-        let lane = by_lane.then(|| Path::lane(&scene.ego.route, start.heading_rad)).flatten();
+        let lane = || {
+            Path::lane(&scene.ego.route, start.heading_rad)
+                .ok_or_else(|| refuse("ego route", "needs at least one finite point"))
+        };
+        let lane = by_lane.then(lane).transpose()?;
         let mut plant = Plant {
             steps,
             candidates: candidates_of(scene, &rows, steps),

@@ -70,7 +70,7 @@ pub enum EgoCar {
     SingleTrack,
     /// MetaDrive's: a body on four sprung wheels, whose floor, loads and tyres decide what a pedal and a steering wheel do. IDM steers it
     /// as in MetaDrive, by the jumps of its lane's heading, and sees it a physics step late. Pedals are those of `engine_mps2` and the
-    /// brakes above; `cornering_loss`, `grip_mps2` and `settling` are those of the swerves alone that are tried for `avoidable`.
+    /// brakes above; `cornering_loss` and `grip_mps2` are those of the swerves alone that are tried for `avoidable`.
     Sprung,
 }
 

@@ -79,9 +79,10 @@ pub(in crate::sim) fn pedal(acceleration_mps2: f64, limits: &Limits) -> f64 {
     }
     let (half, full) = (limits.half_brake_mps2, limits.brake_mps2);
     match -acceleration_mps2 {
+        // First, because half and full brakes may take the same.
+        brake if brake >= full => -1.0,
         brake if brake <= half => -0.5 * brake / half,
-        brake if brake < full => -(0.5 + 0.5 * (brake - half) / (full - half)),
-        _ => -1.0,
+        brake => -(0.5 + 0.5 * (brake - half) / (full - half)),
     }
 }
 

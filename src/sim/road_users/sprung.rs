@@ -54,7 +54,7 @@ const FORWARD_SHARE: f64 = 0.5;
 const SCRAPE_MPS: f64 = 0.0205;
 const BUMP_MPS: f64 = 0.033;
 
-/// Right, forward and upward: front left and right as seen from above, then rear.
+/// Right, forward and upward: front right, front left, rear right, rear left.
 const WHEELS: [[f64; 3]; 4] =
     [[TRACK_M, FRONT_M, HUNG_M], [-TRACK_M, FRONT_M, HUNG_M], [TRACK_M, -REAR_M, HUNG_M], [-TRACK_M, -REAR_M, HUNG_M]];
 const FRONT_WHEELS: usize = 2;
@@ -173,7 +173,7 @@ impl SprungCar {
             let wanted = (forward * forward + wheel.side_ns * wheel.side_ns).sqrt();
             *slides = if wanted > most { most / wanted } else { 1.0 };
         }
-        for (wheel, slides) in wheels.iter_mut().zip(slides) {
+        for (wheel, slides) in wheels.iter().zip(slides).filter(|(wheel, _)| wheel.touches) {
             // A wheel without any side force slides as little as it likes: Bullet's rule.
             let slides = if wheel.side_ns != 0.0 { slides } else { 1.0 };
             self.push(wheel.ahead * (wheel.forward_ns * slides), wheel.lever, &inverse);
@@ -256,4 +256,60 @@ fn rotation(q: &Quaternion<f64>) -> Matrix3<f64> {
         2.0 * (y * z + w * x),
         1.0 - 2.0 * (x * x + y * y),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::prepared::plant_options::PlantOptions;
+
+    fn rolling() -> SprungCar {
+        let velocity = Vec2::new(8.0, 0.0);
+        SprungCar::new(&Sample { position: Vec2::ZERO, heading_rad: 0.0, velocity })
+    }
+
+    #[test]
+    fn a_pedal_is_found_again_in_what_it_asks_for_also_where_half_brakes_take_all() {
+        let all_at_half = PlantOptions { full_brake_mps2: 8.13, ..PlantOptions::METADRIVE_0_4_3 };
+        for plant in [PlantOptions::PHYSICAL, PlantOptions::METADRIVE_0_4_3, all_at_half] {
+            let limits = plant.limits();
+            for pedal in (-10..=10).map(|tenths| 0.1 * f64::from(tenths)) {
+                let asked = idm::acceleration_mps2(pedal, &limits);
+                let again = idm::pedal(asked, &limits);
+                assert!((idm::acceleration_mps2(again, &limits) - asked).abs() < 1e-12, "{pedal}: {again}");
+                let one_pedal_each = limits.half_brake_mps2 < limits.brake_mps2 || pedal > -0.5;
+                assert!(!one_pedal_each || (again - pedal).abs() < 1e-12, "{pedal}: {again}");
+            }
+            assert_eq!(idm::pedal(idm::acceleration_mps2(-1.0, &limits), &limits), -1.0);
+        }
+    }
+
+    #[test]
+    fn a_car_on_its_side_or_upside_down_has_finite_numbers() {
+        let limits = PlantOptions::METADRIVE_0_4_3.limits();
+        for (sine, cosine) in [(0.5f64.sqrt(), 0.5f64.sqrt()), (1.0, 0.0)] {
+            let mut car = rolling();
+            // About its forward axis.
+            car.orientation *= Quaternion::new(cosine, 0.0, sine, 0.0);
+            for _ in 0..20 {
+                car = car.drive(-5.0, 0.3, &limits)[SUBSTEPS - 1];
+            }
+            let sample = car.sample();
+            let numbers =
+                [sample.position.x, sample.position.y, sample.heading_rad, sample.velocity.x, sample.velocity.y];
+            assert!(numbers.iter().all(|number| number.is_finite()), "{numbers:?}");
+        }
+    }
+
+    #[test]
+    fn a_braked_car_comes_to_rest_and_full_brakes_take_more_while_it_rises_on_its_springs() {
+        let limits = PlantOptions::METADRIVE_0_4_3.limits();
+        let mut car = rolling();
+        let mut speeds = vec![car.sample().speed_mps()];
+        for _ in 0..15 {
+            car = car.drive(-limits.brake_mps2, 0.0, &limits)[SUBSTEPS - 1];
+            speeds.push(car.sample().speed_mps());
+        }
+        assert!(speeds[0] - speeds[1] > 1.5 && speeds[15] < 0.1, "{speeds:?}");
+    }
 }

@@ -134,7 +134,7 @@ impl<'a> ClosedLoop<'a> {
     pub fn drive(&self, acceleration_mps2: f64, steering_rad: f64, k: usize) -> EgoStep {
         let limit = self.plant.limits().steering_rad;
         if let Some(sprung) = &self.sprung {
-            let cars = sprung.drive(acceleration_mps2, steering_rad, self.plant.limits());
+            let cars = sprung.drive(acceleration_mps2, steering_rad, &self.plant.limits().at_step(k));
             let mut path = [sprung.place(); SUBSTEPS + 1];
             for (place, car) in path[1..].iter_mut().zip(&cars) {
                 *place = car.place();

@@ -160,7 +160,7 @@ impl Plain<'_> {
     fn ego_step(&self, car: &Car, sprung: &mut Option<SprungCar>, now: &Sample, k: usize) -> Option<(Ego, Car)> {
         match self.controls.get(k)? {
             Control::Drive { acceleration_mps2, steering_rad } if let Some(on_springs) = sprung => {
-                let cars = on_springs.drive(*acceleration_mps2, *steering_rad, self.plant.limits());
+                let cars = on_springs.drive(*acceleration_mps2, *steering_rad, &self.plant.limits().at_step(k));
                 let shown = cars[SUBSTEPS - 1].shown();
                 let mut ego = Ego { shown, samples: [*now; SUBSTEPS + 1], places: [on_springs.place(); SUBSTEPS + 1] };
                 for (j, moved) in cars.iter().enumerate() {

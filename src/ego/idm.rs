@@ -68,17 +68,14 @@ impl IdmDriver {
             return pursuit_rad(view, ego);
         }
         let limit_rad = view.plant().limits().steering_rad;
-        if let Some((lane, at)) = view.on_lane() {
-            let wanted = lane.heading_at(at.s_m + LOOK_AHEAD_M, at.segment);
-            let turn = self.heading.output(num::wrap_angle(wanted - ego.sample.heading_rad));
-            let shift = self.lateral.output(-at.offset_m);
-            return (turn + shift).clamp(-1.0, 1.0) * limit_rad;
-        }
-        let wanted = view.route().heading_at(ego.along.s_m + LOOK_AHEAD_M, ego.along.segment);
-        let turn = self.heading.output(num::wrap_angle(wanted - ego.sample.heading_rad));
-        let shift = self.lateral.output(-ego.along.offset_m);
-        let wanted = (turn + shift).clamp(-1.0, 1.0) * limit_rad;
-        ego.steering_rad + STEERING_SHARE * (wanted - ego.steering_rad)
+        let lane = view.on_lane();
+        let (line, at) = lane.unwrap_or((view.route(), ego.along));
+        let heading_rad = line.heading_at(at.s_m + LOOK_AHEAD_M, at.segment);
+        let turn = self.heading.output(num::wrap_angle(heading_rad - ego.sample.heading_rad));
+        let shift = self.lateral.output(-at.offset_m);
+        let wanted_rad = (turn + shift).clamp(-1.0, 1.0) * limit_rad;
+        // Wheels, tyres and suspension of a car that has a lane are its own.
+        if lane.is_some() { wanted_rad } else { ego.steering_rad + STEERING_SHARE * (wanted_rad - ego.steering_rad) }
     }
 
     fn front(&self, view: &View<'_>) -> Option<Front> {

@@ -55,20 +55,19 @@ pub fn plant_changes(plant: &PlantOptions) -> Vec<PlantChange> {
     if plant.ego_car == EgoCar::Sprung {
         // What bends cost and how brakes take is what its wheels do.
         add("the ego's car without springs", &|plant| plant.ego_car = EgoCar::SingleTrack);
-        changes.push(PlantChange { name: "lights the other way".to_string(), plant: *plant, other_lights: true });
-        return changes;
-    }
-    for (word, factor) in [("more", 1.0 + SHARE), ("less", 1.0 - SHARE)] {
-        add(&format!("bends cost a quarter {word}"), &|plant| scale(&mut plant.cornering_loss, factor));
-    }
-    for (word, factor) in [("harder", 1.0 + SHARE), ("softer", 1.0 - SHARE)] {
-        add(&format!("brakes a quarter {word}"), &|plant| {
-            plant.half_brake_mps2 *= factor;
-            plant.full_brake_mps2 *= factor;
-            if let Some(settling) = &mut plant.settling {
-                settling.full_brake_mps2 *= factor;
-            }
-        });
+    } else {
+        for (word, factor) in [("more", 1.0 + SHARE), ("less", 1.0 - SHARE)] {
+            add(&format!("bends cost a quarter {word}"), &|plant| scale(&mut plant.cornering_loss, factor));
+        }
+        for (word, factor) in [("harder", 1.0 + SHARE), ("softer", 1.0 - SHARE)] {
+            add(&format!("brakes a quarter {word}"), &|plant| {
+                plant.half_brake_mps2 *= factor;
+                plant.full_brake_mps2 *= factor;
+                if let Some(settling) = &mut plant.settling {
+                    settling.full_brake_mps2 *= factor;
+                }
+            });
+        }
     }
     changes.push(PlantChange { name: "lights the other way".to_string(), plant: *plant, other_lights: true });
     changes

@@ -109,15 +109,11 @@ pub fn gap_on_path(
     if at.s_m - size.half_length_m * along - size.half_width_m * across > route.length_m() {
         return None;
     }
-    let is_on_path = match obstacle {
-        Obstacle::Reaches => {
-            at.offset_m.abs() - size.half_length_m * across - size.half_width_m * along <= HALF_PATH_WIDTH_M
-        }
-        Obstacle::Corner | Obstacle::Lane => size
-            .at(Place { position, axis })
-            .corners()
-            .into_iter()
-            .any(|corner| (at.offset_m + direction.cross(corner - position)).abs() <= HALF_PATH_WIDTH_M),
+    let is_on_path = if obstacle == Obstacle::Corner {
+        let mut corners = size.at(Place { position, axis }).corners().into_iter();
+        corners.any(|corner| (at.offset_m + direction.cross(corner - position)).abs() <= HALF_PATH_WIDTH_M)
+    } else {
+        at.offset_m.abs() - size.half_length_m * across - size.half_width_m * along <= HALF_PATH_WIDTH_M
     };
     is_on_path.then_some(gap_m)
 }

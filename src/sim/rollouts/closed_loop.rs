@@ -132,36 +132,40 @@ impl<'a> ClosedLoop<'a> {
 
     /// The ego's motion through the k-th step under constant controls.
     pub fn drive(&self, acceleration_mps2: f64, steering_rad: f64, k: usize) -> EgoStep {
-        let limit = self.plant.limits().steering_rad;
-        if let Some(sprung) = &self.sprung {
-            let cars = sprung.drive(acceleration_mps2, steering_rad, &self.plant.limits().at_step(k));
-            let mut path = [sprung.place(); SUBSTEPS + 1];
-            for (place, car) in path[1..].iter_mut().zip(&cars) {
-                *place = car.place();
+        let limits = self.plant.limits().at_step(k);
+        let (samples, shown, car, sprung, path) = match &self.sprung {
+            Some(sprung) => {
+                let cars = sprung.drive(acceleration_mps2, steering_rad, &limits);
+                let last = cars[SUBSTEPS - 1];
+                let shown = last.shown();
+                let axis = Vec2::from_heading(shown.heading_rad);
+                let car = Car::seen(&shown, axis, 2.0 * self.ego.size.half_length_m);
+                (
+                    cars.map(|car| car.sample()),
+                    shown,
+                    car,
+                    Some(last),
+                    swept(sprung.place(), cars.map(|car| car.place())),
+                )
             }
-            let last = cars[SUBSTEPS - 1];
-            let shown = last.shown();
-            return EgoStep {
-                samples: cars.map(|car| car.sample()),
-                shown,
-                car: Car::seen(&shown, Vec2::from_heading(shown.heading_rad), 2.0 * self.ego.size.half_length_m),
-                sprung: Some(last),
-                steering_rad: steering_rad.clamp(-limit, limit),
-                reach_m: reach(&path, self.ego.size.radius_m),
-                path,
-            };
-        }
-        let cars = self.car.drive(acceleration_mps2, steering_rad, &self.plant.limits().at_step(k));
-        let mut path = [self.car.place(); SUBSTEPS + 1];
-        for (place, car) in path[1..].iter_mut().zip(&cars) {
-            *place = car.place();
-        }
+            None => {
+                let cars = self.car.drive(acceleration_mps2, steering_rad, &limits);
+                let last = cars[SUBSTEPS - 1];
+                (
+                    cars.map(|car| car.sample()),
+                    last.sample(),
+                    last,
+                    None,
+                    swept(self.car.place(), cars.map(|car| car.place())),
+                )
+            }
+        };
         EgoStep {
-            samples: cars.map(|car| car.sample()),
-            shown: cars[SUBSTEPS - 1].sample(),
-            car: cars[SUBSTEPS - 1],
-            sprung: None,
-            steering_rad: steering_rad.clamp(-limit, limit),
+            samples,
+            shown,
+            car,
+            sprung,
+            steering_rad: steering_rad.clamp(-limits.steering_rad, limits.steering_rad),
             reach_m: reach(&path, self.ego.size.radius_m),
             path,
         }
@@ -291,6 +295,11 @@ impl<'a> ClosedLoop<'a> {
 /// Seconds from the beginning of a decision step to the end of one of its physics steps.
 pub(super) fn seconds_after(substep: usize) -> f64 {
     if substep == SUBSTEPS { DT_S } else { substep as f64 * SUBSTEP_S }
+}
+
+/// The places of a step: where it begins, and after each physics step.
+fn swept(first: Place, after: [Place; SUBSTEPS]) -> Swept {
+    core::array::from_fn(|j| if j == 0 { first } else { after[j - 1] })
 }
 
 pub(in crate::sim) fn reach(path: &Swept, radius_m: f64) -> f64 {

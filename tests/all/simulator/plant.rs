@@ -14,7 +14,7 @@ fn physical() -> SimulatorOptions {
     SimulatorOptions::SHIPPED
 }
 
-fn metadrive() -> SimulatorOptions {
+pub fn metadrive() -> SimulatorOptions {
     SimulatorOptions { plant: PlantOptions::METADRIVE_0_4_3, ..SimulatorOptions::SHIPPED }
 }
 

@@ -2,14 +2,12 @@
 
 use std::sync::Arc;
 
+use super::plant::metadrive;
+use crate::ego::Policy;
 use crate::kernel::{Vec2, num};
-use crate::scene::{PreparedScene, Scene};
+use crate::scene::{AgentKind, PreparedScene, Scene};
 use crate::scenes::*;
 use crate::sim::*;
-
-fn metadrive() -> SimulatorOptions {
-    SimulatorOptions { plant: PlantOptions::METADRIVE_0_4_3, ..SimulatorOptions::SHIPPED }
-}
 
 /// A drive in MetaDrive: speed at its start, steering and pedal at each decision, and after every fifth decision the place ahead of and to the
 /// left of the start, the turn and the speed. Metres, radians, m/s.
@@ -208,4 +206,106 @@ fn metadrives_driver_is_shown_its_car_a_physics_step_late() {
     assert!((x - 0.8).abs() < 0.01, "{x}");
     episode.step(rolls).unwrap();
     assert!((episode.observe().ego().sample.position.x - x - 1.0).abs() < 0.01);
+}
+
+#[test]
+fn a_lane_ends_a_metre_beyond_the_last_whole_one_of_its_path() {
+    // The path ends at 9.4 m, so the lane at 11 m; MetaDrive's box for the standing car reaches back by half of 4.515 m.
+    let seen = |rear_m: f64| {
+        let stands = car("stands", straight(sample(rear_m + 2.2575, 0.0, 0.0, 0.0), 91));
+        let mut scene = straight_road(91, 5.0, vec![stands]);
+        scene.ego.route = vec![Vec2::ZERO, Vec2::new(9.4, 0.0)];
+        sees(&scene, &metadrive())
+    };
+    assert!(seen(10.9) && !seen(11.1));
+}
+
+/// What the IDM driver answers first, its heading turned away from a straight route to the left that begins at so many metres, as a share of full
+/// steering.
+fn first_steering(turned_rad: f64, ahead_m: f64, options: &SimulatorOptions) -> f64 {
+    let mut scene = straight_road(91, 5.0, vec![]);
+    let corner = Vec2::new(ahead_m, 0.0);
+    scene.ego.route = vec![Vec2::new(-5.0, 0.0), corner, corner + Vec2::from_heading(turned_rad) * 30.0];
+    let plant = Plant::with_options(PreparedScene::new(Arc::new(scene)), options).unwrap();
+    let episode = Episode::new(&plant, Arc::new(Intervention::default())).unwrap();
+    let Control::Drive { steering_rad, .. } = Policy::Idm.driver().decide(&episode.observe()) else {
+        panic!("it drives")
+    };
+    steering_rad / plant.limits().steering_rad
+}
+
+#[test]
+fn on_springs_idm_turns_the_wheel_at_once_where_the_lane_a_metre_ahead_has_another_heading() {
+    // Gains of 1.2, 0.1 and 3.5 on the first error.
+    assert!((first_steering(0.1, 0.9, &metadrive()) - 0.48).abs() < 1e-9);
+    assert_eq!(first_steering(0.1, 1.1, &metadrive()), 0.0);
+    let mut lags = metadrive();
+    lags.plant.ego_car = EgoCar::SingleTrack;
+    assert!((first_steering(0.1, 0.9, &lags) - 0.3 * 0.48).abs() < 1e-9);
+}
+
+/// Speeds of a car that begins with one and has the same pedal for two seconds, m/s at each decision.
+fn speeds(speed_mps: f64, pedal: f64) -> Vec<f64> {
+    let plant =
+        Plant::with_options(PreparedScene::new(Arc::new(straight_road(91, speed_mps, vec![]))), &metadrive()).unwrap();
+    let mut episode = Episode::new(&plant, Arc::new(Intervention::default())).unwrap();
+    let acceleration_mps2 = idm::acceleration_mps2(pedal, plant.limits());
+    let speed = |_| {
+        assert!(episode.step(Control::Drive { acceleration_mps2, steering_rad: 0.0 }).unwrap().is_none());
+        episode.observe().ego().speed_mps
+    };
+    (0..20).map(speed).collect()
+}
+
+#[test]
+fn a_shut_throttle_drags_and_the_engine_pushes_up_to_80_kmh() {
+    let gain_mps2 = |speed_mps: f64, pedal: f64| {
+        let of = speeds(speed_mps, pedal);
+        of[19] - of[9]
+    };
+    // Four wheels of 1100 kg: 2 N s in each step of 0.02 s, or 759.46 N.
+    let (drag, push) = (4.0 * 2.0 / 0.02 / 1100.0, 4.0 * 759.4636 / 1100.0);
+    assert!((gain_mps2(10.0, 0.0) + drag).abs() < 0.01, "{}", gain_mps2(10.0, 0.0));
+    assert!((gain_mps2(10.0, 1.0) - push).abs() < 0.05, "{}", gain_mps2(10.0, 1.0));
+    assert!((gain_mps2(25.0, 1.0) + drag).abs() < 0.01, "{}", gain_mps2(25.0, 1.0));
+}
+
+/// Rolls without drag: a pedal that is hardly pressed.
+struct Rolls;
+
+impl Driver for Rolls {
+    fn begin(&mut self, _: &Plant) {}
+
+    fn decide(&mut self, _: &View<'_>) -> Control {
+        Control::Drive { acceleration_mps2: 1e-9, steering_rad: 0.0 }
+    }
+}
+
+/// The shortest gap at which somebody who appears in the way of an ego at 20 m/s could have been avoided, metres. The road has room to swerve.
+fn avoidable_from_m(options: &SimulatorOptions) -> f64 {
+    let mut scene = straight_road(91, 20.0, vec![]);
+    for lane in &mut scene.road.lanes {
+        lane.left.iter_mut().for_each(|p| p.y += 4.0);
+        lane.right.iter_mut().for_each(|p| p.y -= 4.0);
+    }
+    let plant = Plant::with_options(PreparedScene::new(Arc::new(scene)), options).unwrap();
+    let avoidable = |gap_m: f64| {
+        let samples = vec![sample(gap_m, 0.0, 0.0, 0.0); 80];
+        let kind = AgentKind::Vehicle;
+        let act =
+            Intervention { actions: vec![Action::Insert { kind, length_m: 4.5, width_m: 1.9, from_step: 1, samples }] };
+        rollout_assessed(&plant, &act, &mut Rolls)
+            .unwrap()
+            .contact
+            .is_none_or(|contact| contact.avoidable == Some(true))
+    };
+    (0..400).map(|tenths| 20.0 + 0.1 * f64::from(tenths)).find(|gap_m| avoidable(*gap_m)).unwrap()
+}
+
+#[test]
+fn what_a_careful_driver_could_avoid_does_not_hang_on_springs() {
+    let mut single = metadrive();
+    single.plant.ego_car = EgoCar::SingleTrack;
+    let (springs, without) = (avoidable_from_m(&metadrive()), avoidable_from_m(&single));
+    assert!((springs - without).abs() < 0.5, "{springs} {without}");
 }

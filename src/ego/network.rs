@@ -3,6 +3,11 @@
 
 use crate::kernel::num;
 
+/// Inputs whose zeros are looked for together.
+const INPUTS_AT_ONCE: usize = 64;
+/// Outputs whose sums stay in registers, where there are so many.
+const OUTPUTS_AT_ONCE: usize = 32;
+
 /// A dense layer. `weights` holds a row of outputs for each input, so that the sums of all outputs run side by side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dense {
@@ -26,11 +31,43 @@ impl Dense {
     pub fn apply(&self, input: &[f32], out: &mut Vec<f32>) {
         out.clear();
         out.extend_from_slice(&self.bias);
-        for (&x, row) in input.iter().zip(self.weights.chunks_exact(self.outputs)) {
-            // As in `kernel::linear`: zeros add nothing.
-            if x != 0.0 {
-                for (sum, w) in out.iter_mut().zip(row) {
-                    *sum += x * w;
+        let rows = self.weights.chunks_exact(self.outputs * INPUTS_AT_ONCE);
+        let last = rows.remainder();
+        for (input, rows) in input.chunks(INPUTS_AT_ONCE).zip(rows.chain([last])) {
+            // As in `kernel::linear`: zeros add nothing. Those that are left are listed first, so that no branch hangs on them later.
+            let (mut listed, mut count) = ([0; INPUTS_AT_ONCE], 0);
+            for (i, &x) in input.iter().enumerate() {
+                listed[count] = i;
+                count += usize::from(x != 0.0);
+            }
+            self.add(input, &listed[..count], rows, out);
+        }
+    }
+
+    /// Adds these inputs to the sums, one after the other, for as many outputs side by side as a processor has room for.
+    fn add(&self, input: &[f32], listed: &[usize], rows: &[f32], out: &mut [f32]) {
+        for (block, sums) in out.chunks_mut(OUTPUTS_AT_ONCE).enumerate() {
+            let from = block * OUTPUTS_AT_ONCE;
+            let of = |i: usize| &rows[i * self.outputs + from..];
+            match sums.first_chunk_mut::<OUTPUTS_AT_ONCE>() {
+                Some(sums) => {
+                    let mut held = *sums;
+                    for &i in listed {
+                        let (x, row) = (input[i], of(i));
+                        if let Some(row) = row.first_chunk::<OUTPUTS_AT_ONCE>() {
+                            for (sum, w) in held.iter_mut().zip(row) {
+                                *sum += x * w;
+                            }
+                        }
+                    }
+                    *sums = held;
+                }
+                None => {
+                    for &i in listed {
+                        for (sum, w) in sums.iter_mut().zip(of(i)) {
+                            *sum += input[i] * w;
+                        }
+                    }
                 }
             }
         }
@@ -95,6 +132,33 @@ pub fn tanh(x: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernel::Seed;
+
+    /// A layer as it is defined: each output the sum of its bias and its weighted inputs, one after the other.
+    fn plainly(layer: &Dense, input: &[f32]) -> Vec<f32> {
+        let of = |o: usize| {
+            let weighted = input.iter().enumerate().filter(|(_, x)| **x != 0.0);
+            weighted.fold(layer.bias[o], |sum, (i, x)| sum + x * layer.weights[i * layer.outputs + o])
+        };
+        (0..layer.outputs).map(of).collect()
+    }
+
+    #[test]
+    fn layers_of_any_width_add_in_the_order_of_their_inputs() {
+        let mut stream = Seed(9).stream(&["layers"]);
+        for (inputs, outputs) in [(1, 1), (4, 2), (63, 31), (64, 32), (65, 33), (126, 128), (128, 4), (200, 100)] {
+            let mut drawn = |count: usize, zeros: f64| -> Vec<f32> {
+                let one = |_| if stream.chance(zeros) { 0.0 } else { stream.normal(0.0, 3.0) as f32 };
+                (0..count).map(one).collect()
+            };
+            let layer = Dense { inputs, outputs, weights: drawn(inputs * outputs, 0.0), bias: drawn(outputs, 0.2) };
+            for zeros in [0.0, 0.5, 1.0] {
+                let (input, mut out) = (drawn(inputs, zeros), vec![7.0; 3]);
+                layer.apply(&input, &mut out);
+                assert_eq!(out, plainly(&layer, &input), "{inputs} to {outputs}");
+            }
+        }
+    }
 
     #[test]
     fn a_network_computes_what_its_layers_say() {

@@ -1,6 +1,8 @@
 //! What a learned driver sees and does, in the two settings of the paper. `docs/EGOS.md` lists every number. A change of
 //! any number is another [`Setting`]: weights name the one that they were trained with.
 
+use std::sync::LazyLock;
+
 use serde::{Deserialize, Serialize};
 
 use super::four_numbers;
@@ -124,10 +126,10 @@ fn observe(view: &View<'_>, out: &mut Vec<f32>) {
         push(left / POINT_M);
     }
     let mut edges_m = [0.0; EDGE_RAYS];
-    view.road_edges_m(&rays::<EDGE_RAYS>(ego.axis), EDGE_M, &mut edges_m);
+    view.road_edges_m(&rays(ego.axis, &EDGE_ANGLES), EDGE_M, &mut edges_m);
     edges_m.iter().for_each(|&edge_m| push(closeness(edge_m, EDGE_M)));
     let mut hits_m = [0.0; LIDAR_RAYS];
-    view.lidar_m(&rays::<LIDAR_RAYS>(ego.axis), SIGHT_M, &mut hits_m);
+    view.lidar_m(&rays(ego.axis, &LIDAR_ANGLES), SIGHT_M, &mut hits_m);
     hits_m.iter().for_each(|&hit_m| push(closeness(hit_m, SIGHT_M)));
     for seen in nearest(view) {
         match seen {
@@ -174,12 +176,17 @@ fn in_frame(view: &View<'_>, delta: Vec2) -> (f64, f64) {
     (axis.dot(delta), axis.cross(delta))
 }
 
-/// Unit vectors at equal angles, the first along `axis`, then counter-clockwise.
-fn rays<const COUNT: usize>(axis: Vec2) -> [Vec2; COUNT] {
-    core::array::from_fn(|i| {
-        let (sine, cosine) = num::sin_cos(num::TAU * i as f64 / COUNT as f64);
-        Vec2::new(axis.x * cosine - axis.y * sine, axis.x * sine + axis.y * cosine)
-    })
+/// Sine and cosine of equal angles, the first 0.
+fn angles<const COUNT: usize>() -> [(f64, f64); COUNT] {
+    core::array::from_fn(|i| num::sin_cos(num::TAU * i as f64 / COUNT as f64))
+}
+
+static EDGE_ANGLES: LazyLock<[(f64, f64); EDGE_RAYS]> = LazyLock::new(angles);
+static LIDAR_ANGLES: LazyLock<[(f64, f64); LIDAR_RAYS]> = LazyLock::new(angles);
+
+/// Unit vectors at these angles from `axis`, counter-clockwise.
+fn rays<const COUNT: usize>(axis: Vec2, angles: &[(f64, f64); COUNT]) -> [Vec2; COUNT] {
+    angles.map(|(sine, cosine)| Vec2::new(axis.x * cosine - axis.y * sine, axis.x * sine + axis.y * cosine))
 }
 
 /// The nearest road users, nearest first; if two are equally near, the one seen first.

@@ -297,7 +297,13 @@ fn models() -> Vec<Key> {
                 Word(|| words([SCRIPTED, EXCHANGE, COMMAND, OPENAI_COMPATIBLE, ANTHROPIC, DRAWN])),
                 "How the model is asked; `scripted` is the rule-based stand-in.",
             ),
-            ("models.*.model", "", "", Text(200), "The provider's name of the model; of a `drawn` one any word."),
+            (
+                "models.*.model",
+                "",
+                "",
+                Text(200),
+                "The provider's name of the model; of a `drawn` one any word. `scripted-2` is `scripted-1` without the critics' rule that pressure needs a guard.",
+            ),
         ],
     );
     keys.extend(table(

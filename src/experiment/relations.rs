@@ -301,6 +301,10 @@ fn models(experiment: &Experiment) -> Result<(), Problem> {
         client::check(&options.spec(name), options.client.as_ref()).map_err(Problem::Several)?;
         shares(experiment, name, options)?;
         let scripted = options.kind == client::SCRIPTED;
+        if scripted && !client::SCRIPTED_MODELS.contains(&options.model.as_str()) {
+            let known = client::SCRIPTED_MODELS.map(String::from);
+            return Err(OptionError::word(format!("models.{name}.model"), &options.model, &known).into());
+        }
         if scripted && !options.sampling.contains_key("seed") {
             let place = format!("models.{name}.sampling.seed");
             return Err(OptionError::new(place, "missing", "the root of its random streams, a whole number").into());

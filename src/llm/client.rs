@@ -15,6 +15,9 @@ pub const ANTHROPIC: &str = "anthropic";
 
 /// The kind of the scripted model, which rules of this program answer; they are in the room `scripted`.
 pub const SCRIPTED: &str = "scripted";
+/// The scripted model's `model` until now, and without the rule that pressure needs a guard: what a language model proposes is often
+/// better where that rule turns it away (docs/ABLATIONS.md).
+pub const SCRIPTED_MODELS: [&str; 2] = ["scripted-1", "scripted-2"];
 /// `kind` of a model behind a folder of requests and replies ([`exchange`](super::exchange)).
 pub const EXCHANGE: &str = "exchange";
 /// `kind` of a model that is a program ([`command`](super::command)).

@@ -224,7 +224,7 @@ impl LaneGraph {
 
     /// Whether a point lies on the surface of a lane of any kind.
     pub fn is_drivable(&self, point: Vec2) -> bool {
-        self.pieces.at(point).any(|(_, piece)| piece.contains(point))
+        self.pieces.touching(point).any(|(_, piece)| piece.contains(point))
     }
 
     /// Distance from a point to the surface of the nearest lane, metres: 0 on the road, at most
@@ -265,7 +265,7 @@ impl LaneGraph {
         if self.pieces.all().is_empty() || guess.is_some_and(|piece| piece.contains(point)) {
             return least_m;
         }
-        if let Some((under, _)) = self.pieces.at(point).find(|(_, piece)| piece.contains(point)) {
+        if let Some((under, _)) = self.pieces.touching(point).find(|(_, piece)| piece.contains(point)) {
             *near = under;
             return least_m;
         }

@@ -11,6 +11,9 @@ const CELLS_MAX: f64 = 32_768.0;
 /// Most entries of pieces in cells. A road whose long pieces would need more gets larger cells.
 const ENTRIES_MAX: u64 = 32_000_000;
 
+/// [`Pieces::touching`] tells of every piece that is no farther than this, metres.
+pub const TOUCH_M: f64 = 1e-3;
+
 /// A cell that lies this much too far is looked at all the same, m²: far more than rounding can amount to.
 const SLACK_M2: f64 = 1e-3;
 
@@ -20,6 +23,8 @@ pub struct Piece {
     lane: u32,
     /// Kind of its lane.
     pub kind: LaneKind,
+    /// Whether its surface has four corners that all turn to the same side, clearly: whoever is beyond one edge is outside.
+    pub is_convex: bool,
     /// First point of the segment, metres.
     pub from: Vec2,
     /// Unit vector in driving direction; zero where two centre points coincide.
@@ -82,6 +87,8 @@ impl Piece {
 #[derive(Clone, Debug)]
 pub struct Pieces {
     all: Vec<Piece>,
+    /// [`outline`] of each.
+    outlines: Vec<[f32; 4]>,
     low: Vec2,
     cell_m: f64,
     columns: i64,
@@ -120,7 +127,9 @@ impl Pieces {
         let size = high - low;
         let longest = size.x.max(size.y);
         let cell_m = CELL_M.max((size.x * size.y / CELLS_MAX).sqrt()).max(longest / CELLS_MAX);
-        let mut gridded = Pieces { all: pieces, low, cell_m, columns: 1, rows: 1, starts: vec![], items: vec![] };
+        let outlines = pieces.iter().map(outline).collect();
+        let mut gridded =
+            Pieces { all: pieces, outlines, low, cell_m, columns: 1, rows: 1, starts: vec![], items: vec![] };
         gridded.divide(size);
         // The size of a cell changes the time of a query, never its answer.
         while gridded.entries() > entries_max && gridded.columns * gridded.rows > 1 {
@@ -198,12 +207,20 @@ impl Pieces {
         (column, row)
     }
 
-    /// Pieces of the cell that holds the point, with their places in [`Pieces::all`].
-    pub fn at(&self, point: Vec2) -> impl Iterator<Item = (u32, &Piece)> {
+    /// Pieces of the cell that holds the point, with their places in [`Pieces::all`]: all whose bounding rectangle holds the point or is
+    /// no farther from it than [`TOUCH_M`], and at most some that are a little farther.
+    pub fn touching(&self, point: Vec2) -> impl Iterator<Item = (u32, &Piece)> {
         let (column, row) = self.cell_of(point);
         let inside = column >= 0 && row >= 0 && column < self.columns && row < self.rows;
         let range = if inside { self.range((row * self.columns + column) as usize) } else { 0..0 };
-        self.items[range].iter().map(|&ix| (ix, &self.all[ix as usize]))
+        let (x, y) = (point.x as f32, point.y as f32);
+        let place = [x, y, -x, -y];
+        let touches = move |ix: &&u32| {
+            let outline = &self.outlines[**ix as usize];
+            // Without branches: most pieces of a cell are elsewhere, and each on another side.
+            (0..4).fold(true, |touches, side| touches & (outline[side] <= place[side]))
+        };
+        self.items[range].iter().filter(touches).map(|&ix| (ix, &self.all[ix as usize]))
     }
 
     fn range(&self, cell: usize) -> std::ops::Range<usize> {
@@ -253,6 +270,25 @@ impl Pieces {
     }
 }
 
+/// Clockwise, as left and right lie of a lane, and no corner nearer than a micrometre to the line between those beside it.
+fn is_convex(surface: &[Vec2; 4]) -> bool {
+    (0..4).all(|k| {
+        let (before, after) = (surface[(k + 1) % 4] - surface[k], surface[(k + 2) % 4] - surface[(k + 1) % 4]);
+        let around = before.x.abs() + before.y.abs() + after.x.abs() + after.y.abs();
+        before.cross(after) < -1e-6 * around
+    })
+}
+
+/// The rectangle around a piece, larger by [`TOUCH_M`] and by what rounding may take away: low x and y, minus high x and y, metres. Four short
+/// numbers, for a place is looked for among all pieces of a cell, and few of them are near.
+fn outline(piece: &Piece) -> [f32; 4] {
+    let (low, high) = (piece.low, piece.high);
+    // A rounding to `f32` is at most 6e-8 of a number; there are two, of the rectangle and of the place.
+    let slack = |a: f64, b: f64| 2.0 * TOUCH_M + 1e-6 * a.abs().max(b.abs());
+    let (wide, tall) = (slack(low.x, high.x), slack(low.y, high.y));
+    [(low.x - wide) as f32, (low.y - tall) as f32, (-high.x - wide) as f32, (-high.y - tall) as f32]
+}
+
 /// Indices of the end points of those segments that all three lines of the lane have.
 fn segments(lane: &Lane) -> std::ops::Range<usize> {
     1..lane.centre.len().min(lane.left.len()).min(lane.right.len()).max(1)
@@ -270,6 +306,7 @@ fn push_pieces(lane: &Lane, ix: LaneIx, pieces: &mut Vec<Piece>) {
         pieces.push(Piece {
             lane: ix as u32,
             kind: lane.kind,
+            is_convex: is_convex(&surface),
             from,
             direction: if length_m > 0.0 { (to - from) * (1.0 / length_m) } else { Vec2::ZERO },
             length_m,
@@ -289,7 +326,8 @@ mod tests {
 
     /// Which pieces hold a point, and the nearest within 30 m.
     fn found(pieces: &Pieces, point: Vec2) -> (Vec<u32>, Option<(f64, u32)>) {
-        let mut under: Vec<u32> = pieces.at(point).filter(|(_, piece)| piece.contains(point)).map(|p| p.0).collect();
+        let mut under: Vec<u32> =
+            pieces.touching(point).filter(|(_, piece)| piece.contains(point)).map(|p| p.0).collect();
         under.sort_unstable();
         let mut best: Option<(f64, u32)> = None;
         pieces.outward(point, 30.0, |ix, piece| {
@@ -321,6 +359,39 @@ mod tests {
                 let point = Vec2::new(f64::from(k % 20) * 7.0 - 10.0, f64::from(k / 20) * 3.0 - 15.0);
                 assert_eq!(found(&fine, point), found(&coarse, point), "{point:?}, {most}");
             }
+        }
+    }
+
+    #[test]
+    fn whoever_touches_a_place_is_told_of_it_and_few_others_are_wherever_the_road_lies() {
+        for away_m in [0.0, 3e4, -2e6, 9e6] {
+            let mut road = two_lane_scene().road;
+            let away = Vec2::new(away_m, -0.7 * away_m);
+            for lane in &mut road.lanes {
+                for line in [&mut lane.centre, &mut lane.left, &mut lane.right] {
+                    line.iter_mut().for_each(|p| *p = *p + away);
+                }
+            }
+            let pieces = Pieces::of(&road);
+            let (mut told, mut near) = (0, 0);
+            for k in 0..4000 {
+                let point = away + Vec2::new(f64::from(k % 80) * 1.75 - 7.0, f64::from(k / 80) * 0.35 - 4.9);
+                // On the lines between pieces, and hardly beside them.
+                for point in [point, point + Vec2::new(0.0, TOUCH_M), point - Vec2::new(TOUCH_M, 0.0)] {
+                    let cell = |piece: &Piece| {
+                        let ((columns, rows), (column, row)) = (pieces.cells_of(piece), pieces.cell_of(point));
+                        columns.contains(&column) && rows.contains(&row)
+                    };
+                    let touches =
+                        |piece: &Piece| piece.bound_distance_squared(point) <= TOUCH_M * TOUCH_M && cell(piece);
+                    let indexed = || pieces.all().iter().enumerate().map(|(ix, piece)| (ix as u32, piece));
+                    let expected: Vec<u32> = indexed().filter(|(_, piece)| touches(piece)).map(|(ix, _)| ix).collect();
+                    let found: Vec<u32> = pieces.touching(point).map(|(ix, _)| ix).collect();
+                    assert!(expected.iter().all(|ix| found.contains(ix)), "{point:?}: {found:?}, not {expected:?}");
+                    (told, near) = (told + found.len(), near + expected.len());
+                }
+            }
+            assert!(near > 1000 && (away_m.abs() > 1e6 || told < near + near / 4), "{away_m}: {told} {near}");
         }
     }
 }

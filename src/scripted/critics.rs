@@ -26,13 +26,19 @@ struct Objection {
     fatal: bool,
 }
 
-/// The review of one role.
-pub fn review(page: &PromptView, role: &str, oversight_rate: f64, draws: &Draws) -> Result<Value, ModelError> {
+/// The review of one role. `asks_for_guards`: whether patches that add pressure need a guard where a diagnostic is weak.
+pub fn review(
+    page: &PromptView,
+    role: &str,
+    oversight_rate: f64,
+    asks_for_guards: bool,
+    draws: &Draws,
+) -> Result<Value, ModelError> {
     let patch = page.patch.as_ref().ok_or_else(|| unanswerable("a critic's prompt has no JSON block `Patch`"))?;
     let mut objections = match role {
         "structural_critic" => structural(page, patch),
         "attack_critic" => attack(page, patch),
-        "realism_critic" => realism(page, patch),
+        "realism_critic" => realism(page, patch, asks_for_guards),
         _ => isolation(page, patch),
     };
     let stream: &mut Stream = &mut draws.stream("oversight");
@@ -101,8 +107,8 @@ fn restricts(page: &PromptView, operation: &Value) -> bool {
     filter || module || setting || path.contains("/inputs/")
 }
 
-/// Objects to removed guards, looser bounds, and more pressure where plausibility is already low.
-fn realism(page: &PromptView, patch: &Value) -> Vec<Objection> {
+/// Objects to removed guards, looser bounds, and, where it is to, more pressure where plausibility is already low.
+fn realism(page: &PromptView, patch: &Value, asks_for_guards: bool) -> Vec<Objection> {
     let operations = edit::operations(patch);
     let Some(child) = check::child(page, patch) else { return vec![] };
     let hint = |why: &str| format!("add a guard {why}: a filter between the candidates and the choice");
@@ -126,7 +132,8 @@ fn realism(page: &PromptView, patch: &Value) -> Vec<Objection> {
             .as_str()
             .is_some_and(|s| matches!(Purpose::of(page, s), Some(Purpose::Score | Purpose::Loss)))
     });
-    if let Some((weakest, value)) = page.weakest()
+    if asks_for_guards
+        && let Some((weakest, value)) = page.weakest()
         && value < WEAK_DIAGNOSTIC
         && presses
         && guards(page, &child) == 0

@@ -57,9 +57,10 @@ impl Model for Scripted {
         let answer = match request.slot.role.as_str() {
             "actor" => patch_answer(&page, actor::propose(&page, &draws)?, rates, &draws),
             "repair" => patch_answer(&page, repair::repair(&page, &draws)?, rates, &draws),
-            role if critics::ROLES.contains(&role) => {
-                page.answer("critic_review", critics::review(&page, role, rates.oversight_rate, &draws)?)
-            }
+            role if critics::ROLES.contains(&role) => page.answer(
+                "critic_review",
+                critics::review(&page, role, rates.oversight_rate, asks_for_guards(request), &draws)?,
+            ),
             other => return Err(unanswerable(format!("the scripted model has no rules for the role `{other}`"))),
         };
         // A critic that is asked again is given another chance to be readable.
@@ -67,6 +68,11 @@ impl Model for Scripted {
         let purpose = if again { "malformed again" } else { "malformed" };
         Ok(errors::garbled(answer.to_string(), rates, &mut draws.stream(purpose)).into_bytes().into())
     }
+}
+
+/// Whether critics hold it against a patch that it adds pressure without a guard.
+fn asks_for_guards(request: &Request) -> bool {
+    request.model.model != llm::client::SCRIPTED_MODELS[1]
 }
 
 fn patch_answer(page: &reader::PromptView, mut patch: Value, rates: Rates, draws: &Draws) -> Value {

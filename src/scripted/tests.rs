@@ -53,7 +53,7 @@ fn model(seed: u64, rates: [f64; 4]) -> ModelSpec {
     ModelSpec {
         name: "scripted".into(),
         kind: super::KIND.into(),
-        model: "rules-1".into(),
+        model: "scripted-1".into(),
         sampling,
         response_format: None,
         body: BTreeMap::new(),
@@ -224,11 +224,14 @@ fn errors_come_at_the_declared_rates() {
 }
 
 fn reviews_of(stage: &Stage, patch: &ProgramPatch, slot: u32) -> Vec<Review> {
-    let spec = model(2, [0.0; 4]);
+    reviews_by(&model(2, [0.0; 4]), stage, patch, slot)
+}
+
+fn reviews_by(spec: &ModelSpec, stage: &Stage, patch: &ProgramPatch, slot: u32) -> Vec<Review> {
     let one = |role| {
         let text = patch_text(patch).unwrap();
         let subject = review_of(&text);
-        let bytes = Scripted.complete(&asked(stage, slot, &spec, role, 0, &subject)).unwrap().bytes;
+        let bytes = Scripted.complete(&asked(stage, slot, spec, role, 0, &subject)).unwrap().bytes;
         reply::review(&bytes, role).unwrap()
     };
     Role::CRITICS.into_iter().map(one).collect()
@@ -282,6 +285,27 @@ fn critics_notice_planted_errors_and_the_repair_mends_most_of_what_they_raise() 
     }
     // A critic overlooks a tenth: of all families together few errors are lost.
     assert!(all[1] * 10 >= all[0] * 7, "{all:?}");
+}
+
+#[test]
+fn the_second_rules_raise_all_that_the_first_do_but_pressure_without_a_guard() {
+    let first = model(2, [0.03; 4]);
+    let second = ModelSpec { model: "scripted-2".into(), ..first.clone() };
+    let blockers = |spec: &ModelSpec, stage: &Stage, patch: &ProgramPatch, slot: u32| -> Vec<String> {
+        reviews_by(spec, stage, patch, slot).into_iter().flat_map(|review| review.blockers).collect()
+    };
+    let (mut guards, mut others) = (0, 0);
+    for stage in stages() {
+        for slot in 0..60 {
+            let patch = drafted(&stage, slot, &first);
+            let (of_guards, rest): (Vec<_>, Vec<_>) = blockers(&first, &stage, &patch, slot)
+                .into_iter()
+                .partition(|blocker| blocker.starts_with("pressure is added while"));
+            assert_eq!(blockers(&second, &stage, &patch, slot), rest, "{:?}", patch.operations);
+            (guards, others) = (guards + of_guards.len(), others + rest.len());
+        }
+    }
+    assert!(guards > 0 && others > 0, "{guards} {others}");
 }
 
 #[test]

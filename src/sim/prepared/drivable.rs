@@ -16,7 +16,8 @@ use crate::scene::pieces::{Piece, Pieces};
 pub const OFF_ROAD_M_CAP: f64 = 50.0;
 /// A piece whose centre line is shorter is no surface, metres.
 const PIECE_M_MIN: f64 = 1e-9;
-/// For rounding, where the rectangle around a piece says that the piece is farther away than something, m².
+/// For rounding, where the rectangle around a piece says that the piece is farther away than something, m². Its root is
+/// [`TOUCH_M`](crate::scene::pieces::TOUCH_M).
 const SLACK_M2: f64 = 1e-6;
 /// A place is this far from a line, metres: then rounding does not decide on which side of it the place lies.
 const SURE_M: f64 = 1e-6;
@@ -77,38 +78,41 @@ impl Drivable {
 
     /// Whether a point lies on the surface: [`Drivable::distance_m`] is 0, for less where it is not. `hint` as there.
     pub fn holds(&self, point: Vec2, hint: &mut u32) -> bool {
-        let near = |piece: &Piece| piece.bound_distance_squared(point) <= SLACK_M2;
-        let on = |piece: &Piece| near(piece) && is_on(&corners(piece), point);
-        if !self.is_known() || self.piece(*hint).is_some_and(on) {
-            return true;
+        self.holds_for_m(point, Vec2::ZERO, hint).is_some()
+    }
+
+    /// The same, and how far a ray from there in a unit direction surely stays on the piece that holds the point, metres: `None` beside
+    /// the surface, 0 where that piece holds it by rounding only.
+    pub fn holds_for_m(&self, point: Vec2, direction: Vec2, hint: &mut u32) -> Option<f64> {
+        if !self.is_known() {
+            return Some(f64::INFINITY);
         }
-        let piece_ix = self.pieces.at(point).find(|(_, piece)| counts(piece) && on(piece)).map(|(ix, _)| ix);
-        *hint = piece_ix.unwrap_or(*hint);
-        piece_ix.is_some()
+        let on = |piece: &Piece| {
+            if piece.bound_distance_squared(point) > SLACK_M2 {
+                return None;
+            }
+            match lies(piece, point, direction) {
+                Lies::Inside { sure_m } => Some(sure_m),
+                Lies::Outside => None,
+                Lies::Unsure => is_on(&corners(piece), point).then_some(0.0),
+            }
+        };
+        if let Some(sure_m) = self.piece(*hint).and_then(on) {
+            return Some(sure_m);
+        }
+        let mut pieces = self.pieces.touching(point).filter(|(_, piece)| counts(piece));
+        let (ix, sure_m) = pieces.find_map(|(ix, piece)| Some((ix, on(piece)?)))?;
+        *hint = ix;
+        Some(sure_m)
     }
 
     /// How far a ray from a point in a unit direction surely stays on the piece `hint`, metres: [`Drivable::holds`] is true
     /// all the way. 0 where the point is not well inside that piece.
     pub fn surely_holds_for_m(&self, point: Vec2, direction: Vec2, hint: u32) -> f64 {
-        let Some(piece) = self.piece(hint) else { return 0.0 };
-        let corners = corners(piece);
-        let mut sure_m = f64::INFINITY;
-        let mut a = corners[3];
-        for b in corners {
-            // The corners run counter-clockwise, so inside is to the left of every edge. Where that holds of all four
-            // edges the surface winds once around the place, folded or not.
-            let edge = b - a;
-            let margin = SURE_M * (edge.x.abs() + edge.y.abs());
-            let (room, change) = (edge.cross(point - a) - margin, edge.cross(direction));
-            if room < 0.0 {
-                return 0.0;
-            }
-            if change < 0.0 {
-                sure_m = sure_m.min(room / -change);
-            }
-            a = b;
+        match self.piece(hint).map(|piece| lies(piece, point, direction)) {
+            Some(Lies::Inside { sure_m }) => sure_m,
+            _ => 0.0,
         }
-        if sure_m.is_finite() { sure_m } else { 0.0 }
     }
 
     /// Whether a point lies on lanes all of which run against `axis` (more than 90° off). `hint` as in
@@ -119,7 +123,7 @@ impl Drivable {
             return false;
         }
         let mut against = false;
-        for (ix, piece) in self.pieces.at(point) {
+        for (ix, piece) in self.pieces.touching(point) {
             if counts(piece) && contains(&corners(piece), point) {
                 if driving_direction(piece).dot(axis) >= 0.0 {
                     *hint = ix;
@@ -171,6 +175,44 @@ impl Drivable {
     pub fn is_wrong_way_by_walk(&self, point: Vec2, axis: Vec2) -> bool {
         let mut under = self.counted().filter(|p| contains(&corners(p), point)).peekable();
         under.peek().is_some() && under.all(|p| driving_direction(p).dot(axis) < 0.0)
+    }
+}
+
+/// Where a place lies against a piece.
+enum Lies {
+    /// Well inside, and so on for so many metres in some direction.
+    Inside { sure_m: f64 },
+    /// Well outside.
+    Outside,
+    /// So near to an edge that rounding decides, or the piece is folded.
+    Unsure,
+}
+
+/// By the side of each edge on which the place is.
+fn lies(piece: &Piece, point: Vec2, direction: Vec2) -> Lies {
+    let corners = corners(piece);
+    let (mut sure_m, mut is_inside) = (f64::INFINITY, true);
+    let mut a = corners[3];
+    for b in corners {
+        // The corners run counter-clockwise, so inside is to the left of every edge. Where that holds of all four
+        // edges the surface winds once around the place, folded or not.
+        let edge = b - a;
+        let margin = SURE_M * (edge.x.abs() + edge.y.abs());
+        let (left, change) = (edge.cross(point - a), edge.cross(direction));
+        if left < margin {
+            if piece.is_convex && left < -margin {
+                return Lies::Outside;
+            }
+            is_inside = false;
+        }
+        if change < 0.0 {
+            sure_m = sure_m.min((left - margin) / -change);
+        }
+        a = b;
+    }
+    match is_inside {
+        true => Lies::Inside { sure_m: if sure_m.is_finite() { sure_m } else { 0.0 } },
+        false => Lies::Unsure,
     }
 }
 

@@ -28,6 +28,11 @@ pub struct Path {
     lengths: Vec<f64>,
 }
 
+/// A place that is farther from the path than this, and twice as far as the best so far, is worth two roots, m².
+const WORTH_A_LEAP_M2: f64 = 9.0;
+/// For rounding of lengths and distances, metres.
+const SURE_M: f64 = 1e-6;
+
 impl Path {
     /// The path through `points`, thinned to [`ROUTE_SPACING_M`]. A path shorter than that becomes a metre straight
     /// ahead of its first point in direction `heading_rad`. `None` if a point is not finite or there is none.
@@ -154,7 +159,8 @@ impl Path {
     fn project_between(&self, point: Vec2, first: usize, until_s_m: f64) -> Along {
         let last = self.directions.len() - 1;
         let (mut best, mut best_squared) = ((first.min(last), 0.0), f64::INFINITY);
-        for i in first.min(last)..=last {
+        let mut i = first.min(last);
+        while i <= last {
             if self.lengths[i] > until_s_m && best_squared.is_finite() {
                 break;
             }
@@ -170,7 +176,15 @@ impl Path {
             let squared = (delta - self.directions[i] * along).norm_squared();
             if squared < best_squared {
                 (best, best_squared) = ((i, along), squared);
+            } else if squared > 4.0 * best_squared + WORTH_A_LEAP_M2 {
+                // A path comes nearer by no more than it is long: what ends sooner than that is farther away than the best.
+                let free_m = squared.sqrt() - best_squared.sqrt() - SURE_M;
+                let until_m = self.lengths[i] + along + free_m;
+                while i + 1 < last && self.lengths[i + 2] < until_m {
+                    i += 1;
+                }
             }
+            i += 1;
         }
         let (i, along) = best;
         let side = self.directions[i].cross(point - self.points[i]);
@@ -221,6 +235,55 @@ fn chord_holds(points: &[Vec2], tolerance_m: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    /// [`Path::project_between`] by looking at every segment.
+    fn project_by_walk(path: &Path, point: Vec2, first: usize, until_s_m: f64) -> Along {
+        let last = path.directions.len() - 1;
+        let places = (first.min(last)..=last).map_while(|i| {
+            let is_first = i == first.min(last);
+            (is_first || path.lengths[i] <= until_s_m).then(|| {
+                let delta = point - path.points[i];
+                let least = if i > 0 { 0.0 } else { f64::NEG_INFINITY };
+                let most = if i < last { path.lengths[i + 1] - path.lengths[i] } else { f64::INFINITY };
+                let along = delta.dot(path.directions[i]).max(least).min(most);
+                (i, along, (delta - path.directions[i] * along).norm_squared())
+            })
+        });
+        let (i, along, squared) = places.reduce(|best, one| if one.2 < best.2 { one } else { best }).unwrap();
+        let side = path.directions[i].cross(point - path.points[i]);
+        let offset_m = if side < 0.0 { -squared.sqrt() } else { squared.sqrt() };
+        Along { s_m: path.lengths[i] + along, offset_m, segment: i }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(600))]
+
+        #[test]
+        fn what_is_leapt_over_changes_no_place(
+            turns in prop::collection::vec(-1.2..1.2f64, 2..80),
+            step_m in 0.3..4.0f64,
+            at in (-60.0..60.0f64, -60.0..60.0f64),
+            near in 0..80usize,
+            until_m in prop::option::of(0.0..120.0f64),
+        ) {
+            let (mut points, mut heading) = (vec![Vec2::ZERO], 0.0);
+            for turn in &turns {
+                heading += turn * turn * turn;
+                points.push(points[points.len() - 1] + Vec2::from_heading(heading) * step_m);
+            }
+            let path = Path::new(&points, 0.0).unwrap();
+            let until_m = until_m.unwrap_or(f64::INFINITY);
+            // Anywhere, and beside the path, where a loop comes near again.
+            let beside = points[near % points.len()] + Vec2::new(0.01 * at.0, 0.01 * at.1);
+            for point in [Vec2::new(at.0, at.1), beside] {
+                for first in [0, near] {
+                    let (fast, plain) = (path.project_between(point, first, until_m), project_by_walk(&path, point, first, until_m));
+                    prop_assert_eq!((fast.segment, fast.s_m.to_bits(), fast.offset_m.to_bits()), (plain.segment, plain.s_m.to_bits(), plain.offset_m.to_bits()));
+                }
+            }
+        }
+    }
 
     #[test]
     fn a_bare_path_has_the_headings_of_a_whole_one() {

@@ -32,11 +32,9 @@ impl<'a> Ray<'a> {
             return true;
         }
         let place = self.from + self.direction * at_m;
-        let held = self.road.holds(place, &mut self.hint);
-        if held {
-            self.sure_m = at_m + self.road.surely_holds_for_m(place, self.direction, self.hint);
-        }
-        held
+        let held_m = self.road.holds_for_m(place, self.direction, &mut self.hint);
+        self.sure_m = held_m.map_or(self.sure_m, |further_m| at_m + further_m);
+        held_m.is_some()
     }
 }
 

@@ -302,7 +302,7 @@ fn models() -> Vec<Key> {
                 "",
                 "",
                 Text(200),
-                "The provider's name of the model; of a `drawn` one any word. `scripted-2` is `scripted-1` without the critics' rule that pressure needs a guard.",
+                "The provider's name of the model; of a `drawn` one any word. Critics of `scripted-2` ask for no guards.",
             ),
         ],
     );

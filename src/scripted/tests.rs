@@ -289,7 +289,7 @@ fn critics_notice_planted_errors_and_the_repair_mends_most_of_what_they_raise() 
 
 #[test]
 fn the_second_rules_raise_all_that_the_first_do_but_pressure_without_a_guard() {
-    let first = model(2, [0.03; 4]);
+    let first = model(2, [0.0, 0.03, 0.03, 0.03]);
     let second = ModelSpec { model: "scripted-2".into(), ..first.clone() };
     let blockers = |spec: &ModelSpec, stage: &Stage, patch: &ProgramPatch, slot: u32| -> Vec<String> {
         reviews_by(spec, stage, patch, slot).into_iter().flat_map(|review| review.blockers).collect()

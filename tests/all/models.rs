@@ -48,6 +48,11 @@ fn settings_that_cannot_work_are_bad_input_with_their_place() {
     let dir = tempfile::tempdir().unwrap();
     let cases = [
         ("kind = \"anthropic\"", "kind = \"claude\"", "models.claude.kind is \"claude\", expected one of scripted"),
+        (
+            "model = \"scripted-2\"",
+            "model = \"scripted-3\"",
+            "models.scripted.model is \"scripted-3\", expected one of scripted-1, scripted-2",
+        ),
         ("max_tokens = 1500\n", "", "models.local.sampling.max_tokens is missing"),
         ("usd_max = 2.0", "usd_max = -2.0", "spend.usd_max is -2"),
         ("[spend]\nusd_max = 2.0\ntokens_max = 3_000_000\n", "", "needs a table [spend]"),

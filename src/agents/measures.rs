@@ -76,7 +76,7 @@ pub struct Acceptance {
 }
 
 /// What each diagnostic measures, in words, and its form.
-const MEANINGS: [(&str, &str); 12] = [
+const MEANINGS: [(&str, &str); 13] = [
     ("map_validity", "how far a corner of its box leaves the lanes, m"),
     ("lane_direction", "way driven against the lanes, m"),
     ("route_completion", "share of its own recorded way that it drove by then"),
@@ -88,6 +88,10 @@ const MEANINGS: [(&str, &str); 12] = [
     ("bounded_jerk", "jerk: largest change of acceleration, m/s^3"),
     ("bounded_slip", "speed across its heading, m/s"),
     ("rolling", "how far it goes where wheels do not take it, m: a slide, a turn on the spot"),
+    (
+        "place_of_kind",
+        "on foot or a bicycle: time on a motorway, s; on wheels: way over a kerb or median onto other lanes, m",
+    ),
     ("speed_of_kind", "its speed, by the bound of its kind of road user, m/s"),
 ];
 

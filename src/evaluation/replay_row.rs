@@ -12,7 +12,7 @@ use crate::kernel::{Seed, Threads, num};
 use crate::objects::benchmark::SafebenchRun;
 use crate::objects::replay::{ReplayRow, ReplayScene, Replayed, Suite};
 use crate::scene::{AgentKind, PreparedScene};
-use crate::sim::{ActorRef, AdversaryReport, Intervention, Motion, OfKindReport, Outcome, Plant, SimulatorOptions};
+use crate::sim::{ActorRef, AdversaryReport, Intervention, Motion, Outcome, Plant, SimulatorOptions, WithRecording};
 
 /// Under which rules the scenes are played and judged.
 #[derive(Clone, Copy)]
@@ -110,7 +110,11 @@ pub fn recorded_reports(plant: &Plant) -> Vec<AdversaryReport> {
         of_kind: plant
             .options()
             .of_kind
-            .then(|| OfKindReport { simulated: plant.recorded_of_kind(track), recorded: None }),
+            .then(|| WithRecording { simulated: plant.recorded_of_kind(track), recorded: None }),
+        of_place: plant
+            .options()
+            .of_place
+            .then(|| WithRecording { simulated: plant.recorded_of_place(track), recorded: None }),
     };
     taken.filter(|track| moves(scene, *track)).map(report).collect()
 }

@@ -530,7 +530,12 @@ fn simulator() -> Vec<Key> {
 /// What outcomes say besides.
 fn of_kind() -> Vec<Key> {
     let meaning = "Whether outcomes say what of a motion its kind does not do: slides, turns on the spot, speed (docs/OBJECTIVES.md).";
-    table(|| Optional, vec![("simulator.of_kind", "", "", Truth, meaning)])
+    let place =
+        "Whether outcomes say where a motion's kind does not belong: a motorway, behind a kerb; goes with that weight.";
+    table(
+        || Optional,
+        vec![("simulator.of_kind", "", "", Truth, meaning), ("simulator.of_place", "", "", Truth, place)],
+    )
 }
 
 /// Another simulator than ours, for labels.
@@ -639,6 +644,13 @@ fn metadrive() -> Vec<Key> {
                 "",
                 SHARE,
                 "Weight of being faster than one's kind; likewise.",
+            ),
+            (
+                "evaluation.realism.weights.place_of_kind",
+                "w_j",
+                "",
+                SHARE,
+                "Weight of being where one's kind does not belong; needs `simulator.of_place`.",
             ),
         ],
     );

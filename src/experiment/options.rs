@@ -106,6 +106,9 @@ pub struct SimulatorTable {
     /// Whether outcomes say what of a motion its kind does not do.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub of_kind: bool,
+    /// Whether outcomes say where a motion's kind does not belong.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub of_place: bool,
     /// `None` stands for our own simulator, whether `evodrive` is written or nothing: then the digest is the same, too.
     #[serde(default, deserialize_with = "written_backend", skip_serializing_if = "Option::is_none")]
     pub backend: Option<BackendOptions>,
@@ -114,7 +117,12 @@ pub struct SimulatorTable {
 impl SimulatorTable {
     /// The rules of our own simulator.
     pub fn rules(&self) -> SimulatorOptions {
-        SimulatorOptions { plant: self.plant, avoidance: self.avoidance, of_kind: self.of_kind }
+        SimulatorOptions {
+            plant: self.plant,
+            avoidance: self.avoidance,
+            of_kind: self.of_kind,
+            of_place: self.of_place,
+        }
     }
 }
 

@@ -345,6 +345,18 @@ fn simulator(experiment: &Experiment) -> Result<(), Problem> {
 }
 
 fn labels(experiment: &Experiment) -> Result<(), Problem> {
+    let weighs_place = matches!(&experiment.evaluation, EvaluationOptions::Metadrive(of) if of.realism.asks_of_place());
+    match (weighs_place, experiment.simulator.of_place) {
+        (true, false) => {
+            let expected = "true, because a weight of place_of_kind reads what outcomes say then";
+            return Err(OptionError::new("simulator.of_place", "missing", expected).into());
+        }
+        (false, true) => {
+            let expected = "a share from 0 to 1, because simulator.of_place is for nothing else; or remove that";
+            return Err(OptionError::new("evaluation.realism.weights.place_of_kind", "missing", expected).into());
+        }
+        _ => {}
+    }
     match &experiment.evaluation {
         EvaluationOptions::Metadrive(options) => {
             if options.realism.asks_of_kind() && !experiment.simulator.of_kind {

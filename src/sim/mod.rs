@@ -7,8 +7,8 @@ mod road_users;
 mod rollouts;
 
 pub use accounts::{
-    ACTED_M, ActorConduct, ActorTrace, AdversaryReport, Contact, Driving, End, Feasibility, Motion, OfKind,
-    OfKindReport, Outcome, Trace, driving, feasibility, outcome, smooth,
+    ACTED_M, ActorConduct, ActorTrace, AdversaryReport, Contact, Driving, End, Feasibility, Motion, OfKind, OfPlace,
+    Outcome, Trace, WithRecording, driving, feasibility, outcome, smooth,
 };
 pub use encounters::{ContactClass, Side, Striker, assess, gaps, lateness_s, meeting};
 pub use prepared::{

@@ -40,6 +40,7 @@ fn options() -> MetadriveOptions {
             weights: Weights {
                 rolling: None,
                 speed_of_kind: None,
+                place_of_kind: None,
                 map_validity: 0.2,
                 lane_direction: 0.1,
                 route_completion: 0.05,
@@ -87,6 +88,7 @@ fn report() -> AdversaryReport {
         struck_parked: false,
         route_completion: None,
         of_kind: None,
+        of_place: None,
         log_deviation_m_max: Some(1.0),
     }
 }

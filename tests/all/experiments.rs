@@ -225,6 +225,11 @@ fn labels_that_a_protocol_does_not_read_are_refused_and_those_that_it_reads_are_
     assert!(missing.contains("evaluation.attack.counts_if_avoidable is missing"), "{missing}");
     let unasked = refused("experiments/safebench/preventable-idm.toml", |text| text.replace("of_kind = true", ""));
     assert!(unasked.contains("simulator.of_kind") && unasked.contains("evaluation.safebench.preventable"), "{unasked}");
+    let unasked = refused("experiments/preventable.toml", |text| text.replace("of_place = true", ""));
+    assert!(unasked.contains("simulator.of_place is missing") && unasked.contains("place_of_kind"), "{unasked}");
+    let unweighed = |text: String| text.replace("place_of_kind = 0.1", "").replace("rolling = 0.1", "rolling = 0.2");
+    let unweighed = refused("experiments/preventable.toml", unweighed);
+    assert!(unweighed.contains("weights.place_of_kind is missing") && unweighed.contains("of_place"), "{unweighed}");
     let unknown = refused("experiments/safebench/human-idm.toml", |text| text + "\n[evaluation.nothing]\n");
     assert!(unknown.contains("evaluation.nothing is unknown"), "{unknown}");
     let without = refused("experiments/safebench/human-idm.toml", |text| text.replace("draws = 4\n", ""));

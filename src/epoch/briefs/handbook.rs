@@ -6,6 +6,7 @@ use crate::candidates::PROTECTED;
 use crate::ego::Policy;
 use crate::epoch::RunError;
 use crate::epoch::setting::study::{LineageSpec, Study};
+use crate::evaluation::metrics::place_of_kind;
 use crate::evaluation::{EvaluationOptions, Limits, MetadriveOptions, SafebenchOptions};
 
 /// Writes the handbook out.
@@ -74,6 +75,10 @@ fn metadrive(options: &MetadriveOptions, reaction_s: f64) -> Protocol {
 
 /// Bound and tolerance of each quantity that a diagnostic measures in vehicles.
 fn limits(diagnostic: &str, vehicle: &Limits) -> Vec<(String, f64, f64)> {
+    if diagnostic == place_of_kind::NAME {
+        let both = [("motorway_s", place_of_kind::MOTORWAY_S), ("across_m", place_of_kind::ACROSS_M)];
+        return both.into_iter().map(|(name, limit)| (name.to_string(), limit.bound, limit.tolerance)).collect();
+    }
     let measured: &[&str] = match diagnostic {
         "map_validity" => &["off_road_m"],
         "lane_direction" => &["wrong_way_m"],
@@ -106,4 +111,53 @@ fn safebench_limits(options: &SafebenchOptions) -> Vec<(String, f64, f64)> {
         of("jump m", 0.0, ars.distance.jump_tolerance_m),
     ];
     own.chain(scales).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::{Value, json};
+
+    /// The objectives as a prompt has them, with these weights in place of some.
+    fn objectives(weights: &[&str]) -> String {
+        let calibration = include_str!("../../../experiments/calibration/kinds.toml");
+        let calibration: Value = toml::from_str(calibration).unwrap();
+        let always = [
+            "map_validity",
+            "lane_direction",
+            "route_completion",
+            "initial_non_overlap",
+            "collision_validity",
+            "parked_obstacles",
+            "trajectory_continuity",
+            "bounded_acceleration",
+            "bounded_jerk",
+            "bounded_slip",
+        ];
+        let weights = always.iter().chain(weights).map(|name| (name.to_string(), json!(0.1)));
+        let options = json!({
+            "attack": {"counts": ["ego_strikes"], "counts_if_avoidable": []},
+            "realism": {"weights": weights.collect::<serde_json::Map<_, _>>(), "calibration": calibration},
+        });
+        let protocol = metadrive(&serde_json::from_value(options).unwrap(), 1.0);
+        let acceptance = Acceptance {
+            r0: 0.9,
+            a0: 0.5,
+            epsilon_r: 0.0,
+            epsilon_a: 0.0,
+            level: 0.8,
+            coverage_floor: 0.8,
+            realism_min: 0.95,
+        };
+        Measures { protocol, acceptance, rule: None, tradeoff: true, fixed_bodies: true }.text().unwrap()
+    }
+
+    #[test]
+    fn a_run_that_weighs_the_place_of_a_kind_reads_what_it_measures_and_no_other_run_does() {
+        let asked = objectives(&["place_of_kind"]);
+        let row = asked.lines().find(|line| line.contains("place_of_kind")).unwrap();
+        assert!(row.contains("time on a motorway") && row.contains("(motorway_s 0, 0.3; across_m 0.5, 1)"), "{row}");
+        assert!(!objectives(&["rolling", "speed_of_kind"]).contains("place_of_kind"));
+        assert!(objectives(&["rolling"]).contains("`rolling`: how far"), "what is asked is told");
+    }
 }

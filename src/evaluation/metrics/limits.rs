@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::soft::soft;
 use crate::kernel::{Digest, canon::CanonError};
 use crate::scene::AgentKind;
-use crate::sim::{AdversaryReport, Feasibility, OfKind};
+use crate::sim::{AdversaryReport, Feasibility, WithRecording};
 
 /// Bound and tolerance of one quantity, both in its unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,17 +19,18 @@ pub struct Limit {
 }
 
 impl Limit {
-    /// The same of what its kind does not do; 1 where the outcome was not asked for it.
-    pub fn of_kind(&self, report: &AdversaryReport, of: impl Fn(&OfKind) -> f64) -> f64 {
-        let Some(found) = &report.of_kind else { return 1.0 };
-        let own = found.recorded.as_ref().map_or(0.0, &of);
-        soft(of(&found.simulated) - self.bound.max(own), self.tolerance)
-    }
-
     /// d_j of the excess over the bound and over the adversary's own recording, whichever is larger.
     pub fn diagnostic(&self, report: &AdversaryReport, of: impl Fn(&Feasibility) -> f64) -> f64 {
-        let own = report.recorded.as_ref().map_or(0.0, &of);
-        soft(of(&report.simulated) - self.bound.max(own), self.tolerance)
+        self.beyond(of(&report.simulated), report.recorded.as_ref().map(of))
+    }
+
+    /// The same of an account that not every outcome has; 1 where it was not asked for.
+    pub fn of_account<T>(&self, found: &Option<WithRecording<T>>, of: impl Fn(&T) -> f64) -> f64 {
+        found.as_ref().map_or(1.0, |found| self.beyond(of(&found.simulated), found.recorded.as_ref().map(of)))
+    }
+
+    fn beyond(&self, simulated: f64, recorded: Option<f64>) -> f64 {
+        soft(simulated - self.bound.max(recorded.unwrap_or(0.0)), self.tolerance)
     }
 }
 

@@ -10,6 +10,7 @@ pub mod limits;
 pub mod map;
 pub mod outcome_formula;
 pub mod parked;
+pub mod place_of_kind;
 pub mod realism;
 pub mod rolling;
 pub mod route_completion;

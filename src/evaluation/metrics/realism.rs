@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 
 use super::limits::{Calibration, Limit, Limits};
 use super::{
-    acceleration, collision_validity, continuity, initial_overlap, jerk, map, parked, rolling, route_completion, slip,
-    speed_of_kind, wrong_way,
+    acceleration, collision_validity, continuity, initial_overlap, jerk, map, parked, place_of_kind, rolling,
+    route_completion, slip, speed_of_kind, wrong_way,
 };
 use crate::kernel::num;
 use crate::sim::{AdversaryReport, Outcome};
@@ -43,6 +43,9 @@ pub struct Weights {
     /// Of being faster than its kind; likewise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub speed_of_kind: Option<f64>,
+    /// Of being where its kind does not belong; likewise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place_of_kind: Option<f64>,
 }
 
 /// d_j of one adversary by the limits of its kind.
@@ -71,10 +74,10 @@ pub struct OptionsError {
 }
 
 impl RealismOptions {
-    /// The diagnostics with their w_j, in name order: ten, and those of the kind where they are asked for.
+    /// The diagnostics with their w_j, in name order: ten, and those of kinds and places where they are asked for.
     fn diagnostics(&self) -> impl Iterator<Item = (&'static str, f64, Diagnostic)> {
         let of = &self.weights;
-        let all: [(&'static str, Option<f64>, Diagnostic); 12] = [
+        let all: [(&'static str, Option<f64>, Diagnostic); 13] = [
             (acceleration::NAME, Some(of.bounded_acceleration), acceleration::diagnostic),
             (jerk::NAME, Some(of.bounded_jerk), jerk::diagnostic),
             (slip::NAME, Some(of.bounded_slip), slip::diagnostic),
@@ -83,6 +86,7 @@ impl RealismOptions {
             (wrong_way::NAME, Some(of.lane_direction), wrong_way::diagnostic),
             (map::NAME, Some(of.map_validity), map::diagnostic),
             (parked::NAME, Some(of.parked_obstacles), |of, _| parked::diagnostic(of)),
+            (place_of_kind::NAME, of.place_of_kind, |of, _| place_of_kind::diagnostic(of)),
             (rolling::NAME, of.rolling, rolling::diagnostic),
             (route_completion::NAME, Some(of.route_completion), |of, _| route_completion::diagnostic(of)),
             (speed_of_kind::NAME, of.speed_of_kind, speed_of_kind::diagnostic),
@@ -99,6 +103,11 @@ impl RealismOptions {
     /// Whether a diagnostic counts that needs `simulator.of_kind`.
     pub fn asks_of_kind(&self) -> bool {
         self.weights.rolling.is_some() || self.weights.speed_of_kind.is_some()
+    }
+
+    /// Whether a diagnostic counts that needs `simulator.of_place`.
+    pub fn asks_of_place(&self) -> bool {
+        self.weights.place_of_kind.is_some()
     }
 
     /// Weights must be shares of one, tolerances positive, bounds no less than zero.

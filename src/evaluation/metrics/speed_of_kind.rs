@@ -9,5 +9,5 @@ pub const NAME: &str = "speed_of_kind";
 
 /// 1 within the limit, 0 one tolerance beyond it.
 pub fn diagnostic(report: &AdversaryReport, limits: &Limits) -> f64 {
-    limits.speed_mps.map_or(1.0, |limit| limit.of_kind(report, |motion| motion.speed_mps))
+    limits.speed_mps.map_or(1.0, |limit| limit.of_account(&report.of_kind, |motion| motion.speed_mps))
 }

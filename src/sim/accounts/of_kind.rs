@@ -37,16 +37,6 @@ impl OfKind {
     }
 }
 
-/// One road user's account, and that of its recording where it has one.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct OfKindReport {
-    /// From the first step of the intervention on.
-    pub simulated: OfKind,
-    /// Of its whole recording.
-    pub recorded: Option<OfKind>,
-}
-
 /// The account of a whole recorded motion; a gap begins it anew.
 pub(in crate::sim) fn of_recording(samples: &[Option<Sample>], size: &Size) -> OfKind {
     let part = |part: &[Option<Sample>]| {

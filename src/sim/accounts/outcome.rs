@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::driving::Driving;
 use super::end::End;
 use super::feasibility::Feasibility;
-use super::of_kind::OfKindReport;
+use super::of_kind::OfKind;
+use super::of_place::OfPlace;
 use crate::kernel::Digest;
 use crate::scene::{AgentKind, Sample};
 use crate::sim::encounters::class::ContactClass;
@@ -120,7 +121,20 @@ pub struct AdversaryReport {
     pub log_deviation_m_max: Option<f64>,
     /// What its kind does not do; only where `simulator.of_kind` asks for it, so that every other outcome stays as it was.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub of_kind: Option<OfKindReport>,
+    pub of_kind: Option<WithRecording<OfKind>>,
+    /// Where its kind does not belong; only where `simulator.of_place` asks for it, likewise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub of_place: Option<WithRecording<OfPlace>>,
+}
+
+/// One road user's account, and that of its recording where it has one.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WithRecording<T> {
+    /// From the first step of the intervention on.
+    pub simulated: T,
+    /// Of its whole recording.
+    pub recorded: Option<T>,
 }
 
 /// Nearer to its recording than this an adversary does what replay does, metres: places of recordings are no better.

@@ -15,8 +15,8 @@ use crate::sim::road_users::others::Others;
 
 use super::feasibility::StepMeter;
 use super::motion::MotionMeter;
-use super::of_kind::{self, OfKindReport};
-use super::outcome::{ACTED_M, AdversaryReport};
+use super::of_kind;
+use super::outcome::{ACTED_M, AdversaryReport, WithRecording};
 use super::smooth::HALF_WINDOW;
 
 /// Smallest distance and time to collision so far.
@@ -218,9 +218,13 @@ impl Watched {
             struck_parked: self.touched.parked,
             route_completion: self.route_completion(plant),
             log_deviation_m_max: self.log_deviation_m_max,
-            of_kind: plant.options().of_kind.then(|| OfKindReport {
+            of_kind: plant.options().of_kind.then(|| WithRecording {
                 simulated: of_kind::of_motion(&samples, from, &self.size),
                 recorded: self.log.map(|track| plant.recorded_of_kind(track)),
+            }),
+            of_place: plant.options().of_place.then(|| WithRecording {
+                simulated: plant.places().of_motion(&samples, from, self.size.kind),
+                recorded: self.log.map(|track| plant.recorded_of_place(track)),
             }),
         }
     }

@@ -9,27 +9,19 @@ use crate::scene::{Lane, LaneKind, Road, Scene};
 
 use super::drivable::Drivable;
 use super::path::Path;
+use super::segment::{Segment, around};
 
 /// Lines farther than this from the box around the route are left out, metres.
 const NEAR_M: f64 = 40.0;
 /// A stop sign holds where its place or the end of its lane lies this near to the route, metres.
 const SIGN_OFFSET_M: f64 = 2.0;
 
-/// One piece of a painted line.
-#[derive(Clone, Copy, Debug)]
-struct Mark {
-    from: Vec2,
-    to: Vec2,
-    low: Vec2,
-    high: Vec2,
-}
-
 /// The road under SafeBench's criteria.
 #[derive(Clone, Debug)]
 pub(in crate::sim) struct Course {
     /// Streets and freeways; no shoulders, no sidewalks.
     pub driving: Drivable,
-    marks: Vec<Mark>,
+    marks: Vec<Segment>,
     /// Arc lengths of the stop lines of stop signs on the route, metres.
     pub stop_lines_s_m: Vec<f64>,
 }
@@ -37,17 +29,13 @@ pub(in crate::sim) struct Course {
 impl Course {
     pub fn new(scene: &Scene, route: &Path) -> Course {
         let lanes: Vec<&Lane> = scene.road.lanes.iter().filter(|l| is_driven(l)).collect();
-        let (mut low, mut high) = (route.points()[0], route.points()[0]);
-        for point in route.points() {
-            low = Vec2::new(low.x.min(point.x), low.y.min(point.y));
-            high = Vec2::new(high.x.max(point.x), high.y.max(point.y));
-        }
+        let (low, high) = around(route.points().iter().copied());
         let reach = Vec2::new(NEAR_M, NEAR_M);
         let (low, high) = (low - reach, high + reach);
         // Inside junctions no lines are painted.
         let marked = lanes.iter().filter(|lane| !is_connector(lane, &scene.road));
         let lines = marked.flat_map(|lane| [&lane.left, &lane.right]);
-        let pieces = lines.flat_map(|line| line.windows(2).map(|w| Mark::new(w[0], w[1])));
+        let pieces = lines.flat_map(|line| line.windows(2).map(|w| Segment::new(w[0], w[1])));
         let marks = pieces.filter(|m| m.meets(low, high)).collect();
         let mut stop_lines_s_m: Vec<f64> = scene.stop_signs.iter().flat_map(|s| stop_line(scene, s, route)).collect();
         stop_lines_s_m.sort_by(f64::total_cmp);
@@ -58,29 +46,9 @@ impl Course {
 
     /// Whether the way from one place to another crosses a painted line.
     pub fn crosses_mark(&self, from: Vec2, to: Vec2) -> bool {
-        let low = Vec2::new(from.x.min(to.x), from.y.min(to.y));
-        let high = Vec2::new(from.x.max(to.x), from.y.max(to.y));
-        self.marks.iter().any(|m| m.meets(low, high) && properly_cross(from, to, m.from, m.to))
+        let step = Segment::new(from, to);
+        self.marks.iter().any(|mark| mark.is_crossed(&step))
     }
-}
-
-impl Mark {
-    fn new(from: Vec2, to: Vec2) -> Mark {
-        let low = Vec2::new(from.x.min(to.x), from.y.min(to.y));
-        let high = Vec2::new(from.x.max(to.x), from.y.max(to.y));
-        Mark { from, to, low, high }
-    }
-
-    fn meets(&self, low: Vec2, high: Vec2) -> bool {
-        self.low.x <= high.x && self.high.x >= low.x && self.low.y <= high.y && self.high.y >= low.y
-    }
-}
-
-/// Both ends of one on different sides of the other; a place on the line belongs to its right side, so that a line is
-/// crossed once.
-fn properly_cross(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> bool {
-    let side = |p: Vec2, q: Vec2, r: Vec2| (q - p).cross(r - p) > 0.0;
-    side(c, d, a) != side(c, d, b) && side(a, b, c) != side(a, b, d)
 }
 
 fn is_driven(lane: &Lane) -> bool {

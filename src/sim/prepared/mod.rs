@@ -3,6 +3,7 @@
 pub mod body;
 pub(super) mod course;
 pub mod drivable;
+pub(super) mod edges;
 pub mod error;
 pub mod options;
 pub mod path;
@@ -10,6 +11,7 @@ pub mod plant;
 pub mod plant_options;
 pub(super) mod ray;
 pub(super) mod rows;
+mod segment;
 
 pub use body::Size;
 pub use error::SimError;

@@ -18,12 +18,20 @@ pub struct SimulatorOptions {
     /// `speed_of_kind` needs it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub of_kind: bool,
+    /// Whether outcomes say where a motion's kind does not belong: on a motorway, across a kerb or a median. A weight of
+    /// `place_of_kind` needs it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub of_place: bool,
 }
 
 impl SimulatorOptions {
     /// What the experiments of this repository declare; for tests and benchmarks, which read no file.
-    pub const SHIPPED: SimulatorOptions =
-        SimulatorOptions { plant: PlantOptions::PHYSICAL, avoidance: AvoidanceOptions::SHIPPED, of_kind: false };
+    pub const SHIPPED: SimulatorOptions = SimulatorOptions {
+        plant: PlantOptions::PHYSICAL,
+        avoidance: AvoidanceOptions::SHIPPED,
+        of_kind: false,
+        of_place: false,
+    };
 
     /// What goes into a rollout's key.
     pub fn digest(&self) -> Result<Digest, CanonError> {

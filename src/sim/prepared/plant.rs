@@ -8,11 +8,13 @@ use crate::scene::{AgentKind, LaneGraph, Light, LightState, PreparedScene, Sampl
 use crate::sim::SimError;
 use crate::sim::accounts::feasibility::{self, Feasibility};
 use crate::sim::accounts::of_kind::{self, OfKind};
+use crate::sim::accounts::of_place::{OfPlace, Places};
 use crate::sim::road_users::bicycle::Limits;
 
 use super::body::Size;
 use super::course::Course;
 use super::drivable::Drivable;
+use super::edges::Edges;
 use super::options::SimulatorOptions;
 use super::path::Path;
 use super::plant_options::{EgoBox, EgoCar, METADRIVE_BOX_M, Obstacle};
@@ -77,6 +79,10 @@ pub struct Plant {
     recorded: Vec<OnceLock<Feasibility>>,
     /// The same of what its kind does not do.
     recorded_of_kind: Vec<OnceLock<OfKind>>,
+    /// The same of where its kind does not belong.
+    recorded_of_place: Vec<OnceLock<OfPlace>>,
+    /// Built when it is first asked for.
+    edges: OnceLock<Edges>,
     /// Digest of everything above that a rollout replays.
     pub(in crate::sim) digest: Digest,
 }
@@ -120,6 +126,8 @@ impl Plant {
             rows,
             recorded: vec![OnceLock::new(); sizes.len()],
             recorded_of_kind: vec![OnceLock::new(); sizes.len()],
+            recorded_of_place: vec![OnceLock::new(); sizes.len()],
+            edges: OnceLock::new(),
             sizes,
             ego_size: ego_size(&scene.ego.track, options.plant.ego_box),
             ego_start: start,
@@ -218,6 +226,19 @@ impl Plant {
     pub fn recorded_of_kind(&self, track: TrackIx) -> OfKind {
         let samples = || of_kind::of_recording(&self.scene().tracks[track].samples, &self.sizes[track]);
         *self.recorded_of_kind[track].get_or_init(samples)
+    }
+
+    /// What of a track's recording lies where its kind does not belong.
+    pub fn recorded_of_place(&self, track: TrackIx) -> OfPlace {
+        let track_of = &self.scene().tracks[track];
+        let account = || self.places().of_recording(&track_of.samples, track_of.kind);
+        *self.recorded_of_place[track].get_or_init(account)
+    }
+
+    /// Lanes and edges, to say where a kind does not belong.
+    pub(in crate::sim) fn places(&self) -> Places<'_> {
+        let edges = self.edges.get_or_init(|| Edges::of(&self.scene().road.edges));
+        Places { lanes: self.lanes().pieces(), edges }
     }
 
     /// What realism judges, of a motion of a road user of this size, one sample a step.

@@ -11,6 +11,7 @@ use std::sync::{Arc, OnceLock};
 
 use evodrive::ego::Policy;
 use evodrive::evaluation::metrics::attack::AttackOptions;
+use evodrive::evaluation::metrics::place_of_kind;
 use evodrive::evaluation::{MetadriveOptions, RolloutRecord, Written, scene_score};
 use evodrive::formats::import_files;
 use evodrive::kernel::Digest;
@@ -19,7 +20,7 @@ use evodrive::scene::{PreparedScene, Scene};
 use evodrive::sim::{ContactClass, Intervention, SimulatorOptions, rollout_assessed};
 
 use crate::harness::{files, shared};
-use crate::realism::options_of_kind;
+use crate::realism::{options_of_kind, options_of_place};
 use crate::worlds;
 use evodrive::compiler::Situation;
 use tricks::{Plan, Stage};
@@ -53,7 +54,7 @@ enum Fence {
 type Trick = (&'static str, &'static str, Fence, fn(&Stage) -> Option<Plan>);
 
 #[rustfmt::skip]
-const TRICKS: [Trick; 22] = [
+const TRICKS: [Trick; 24] = [
     ("names whom the ego hits anyway and leaves it alone", "acting", Fence::Acting, tricks::copies_the_log),
     ("nudges whom the ego hits anyway by 0.3 m", "plain replay", Fence::PlainReplay, tricks::nudges_whom_the_ego_hits_anyway),
     ("nudges a bystander where the ego hits somebody anyway", "the one that is met has moved", Fence::Moved, tricks::nudges_a_bystander),
@@ -67,6 +68,8 @@ const TRICKS: [Trick; 22] = [
     ("a cyclist keeps pace with cars and cuts in", "speed_of_kind", Fence::Diagnostics(&["speed_of_kind"]), tricks::a_cyclist_keeps_pace_with_cars),
     ("a pedestrian keeps pace with cars and cuts in", "speed_of_kind", Fence::Diagnostics(&["speed_of_kind"]), tricks::a_pedestrian_keeps_pace_with_cars),
     ("a pedestrian sprints into the way", "speed_of_kind", Fence::Diagnostics(&["speed_of_kind"]), tricks::a_pedestrian_sprints_into_the_way),
+    ("a pedestrian walks across a motorway", "place_of_kind", Fence::Diagnostics(&["place_of_kind"]), tricks::a_pedestrian_walks_across_a_motorway),
+    ("a cyclist rides across a motorway", "place_of_kind", Fence::Diagnostics(&["place_of_kind"]), tricks::a_cyclist_rides_across_a_motorway),
     ("brakes with 2 g", "bounded_acceleration, bounded_jerk", Fence::Diagnostics(&["bounded_acceleration", "bounded_jerk"]), tricks::brakes_with_two_g),
     ("jumps in front of the ego", "trajectory_continuity, bounds of motion", Fence::Diagnostics(&["trajectory_continuity", "bounded_acceleration", "bounded_jerk", "bounded_slip", "rolling", "speed_of_kind"]), tricks::jumps_in_front),
     ("shakes until it touches the ego", "bounds of motion", Fence::Diagnostics(&["bounded_acceleration", "bounded_jerk", "bounded_slip", "rolling"]), tricks::shakes),
@@ -80,7 +83,7 @@ const TRICKS: [Trick; 22] = [
 
 /// Prepared as an experiment with stricter rules does.
 fn prepared(scene: Arc<Scene>, ego: &Policy) -> Situation {
-    let simulator = SimulatorOptions { of_kind: true, ..SimulatorOptions::SHIPPED };
+    let simulator = SimulatorOptions { of_kind: true, of_place: true, ..SimulatorOptions::SHIPPED };
     Situation::under(PreparedScene::new(scene), ego, &simulator).expect("an undisturbed rollout")
 }
 
@@ -101,7 +104,12 @@ impl Fence {
             Fence::Avoidable(_) | Fence::NoRams => attack(&[], &no_rams()),
             _ => attack(&ContactClass::ALL, &[]),
         };
-        MetadriveOptions { attack, realism: options_of_kind(), metrics: Default::default() }
+        // What is out of place on a motorway is also too fast there: each is held by its own fence alone.
+        let realism = match self {
+            Fence::Diagnostics(names) if names.contains(&place_of_kind::NAME) => options_of_place(),
+            _ => options_of_kind(),
+        };
+        MetadriveOptions { attack, realism, metrics: Default::default() }
     }
 
     /// Takes the fence out of the rules, or of what they read.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use evodrive::compiler::Situation;
 use evodrive::ego::Policy;
 use evodrive::kernel::{Vec2, num};
-use evodrive::scene::{AgentKind, DT_S, Sample, Track};
+use evodrive::scene::{AgentKind, DT_S, LaneKind, Sample, Track};
 use evodrive::sim::{Action, ActorRef};
 
 /// Steps from the first one that a program may change to the one in which the ego is to be met.
@@ -226,6 +226,25 @@ pub fn a_pedestrian_keeps_pace_with_cars(stage: &Stage) -> Option<Plan> {
 pub fn a_pedestrian_sprints_into_the_way(stage: &Stage) -> Option<Plan> {
     let turned = -0.5 * num::PI;
     alone(stage.around_meeting(AgentKind::Pedestrian, stage.meets - 10, |t| ((1.5, 6.0 - 6.0 * t), turned)))
+}
+
+/// Somebody crosses the way of an ego on a motorway, no faster than its kind is.
+fn crosses_a_motorway(stage: &Stage, kind: AgentKind, mps: f64) -> Option<Plan> {
+    let ego = stage.ego(stage.meets);
+    let lane = stage.situation.plant.lanes().nearest_lane(ego.position, ego.heading_rad, 2.0)?.lane;
+    let motorway = stage.situation.scene.road.lanes[lane].kind == LaneKind::Freeway;
+    // A little along with traffic, so that nobody goes against a lane.
+    let (along_mps, s) = (0.1 * mps, UNTIL as f64 * DT_S);
+    let at = |t: f64| ((1.5 + along_mps * (t - s), mps * (s - t)), num::atan2(-mps, along_mps));
+    alone(stage.around_meeting(kind, stage.first, at)).filter(|_| motorway)
+}
+
+pub fn a_pedestrian_walks_across_a_motorway(stage: &Stage) -> Option<Plan> {
+    crosses_a_motorway(stage, AgentKind::Pedestrian, 1.8)
+}
+
+pub fn a_cyclist_rides_across_a_motorway(stage: &Stage) -> Option<Plan> {
+    crosses_a_motorway(stage, AgentKind::Cyclist, 4.0)
 }
 
 pub fn brakes_with_two_g(stage: &Stage) -> Option<Plan> {

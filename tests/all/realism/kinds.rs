@@ -14,7 +14,7 @@ use evodrive::formats::import_files;
 use evodrive::kernel::{Seed, Vec2};
 use evodrive::objects::{Gate, LineageId, Operation, OperationKind, ProgramPatch, SolutionId};
 use evodrive::scene::{AgentKind, DT_S, PreparedScene, Sample};
-use evodrive::sim::{Action, AdversaryReport, Intervention, OfKindReport, Outcome, Plant, SimulatorOptions, rollout};
+use evodrive::sim::{Action, AdversaryReport, Intervention, Outcome, Plant, SimulatorOptions, WithRecording, rollout};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -172,7 +172,7 @@ fn a_noisy_recording_is_as_plausible_as_a_clean_one() {
             *sample = Some(Sample { position, heading_rad, velocity: Vec2::from_heading(heading) * mps });
         }
         let plant = Plant::with_options(PreparedScene::new(Arc::new(scene)), &asked()).unwrap();
-        let of_kind = OfKindReport { simulated: plant.recorded_of_kind(case.track), recorded: None };
+        let of_kind = WithRecording { simulated: plant.recorded_of_kind(case.track), recorded: None };
         let limits = options.calibration.of(AgentKind::Vehicle);
         let report = AdversaryReport { of_kind: Some(of_kind), ..recorded_reports(&plant)[0].clone() };
         lost.push(100.0 * (1.0 - rolling::diagnostic(&report, limits)) / 12.0);

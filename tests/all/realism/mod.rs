@@ -3,6 +3,7 @@
 mod catalogue;
 mod kinds;
 mod motions;
+mod places;
 mod recorded;
 
 use evodrive::ego::Policy;
@@ -18,6 +19,7 @@ pub fn options() -> RealismOptions {
     let weights = Weights {
         rolling: None,
         speed_of_kind: None,
+        place_of_kind: None,
         map_validity: 0.1,
         lane_direction: 0.1,
         route_completion: 0.1,
@@ -36,12 +38,21 @@ pub fn options() -> RealismOptions {
 
 /// The same with the two diagnostics of kinds, and bounds by kind.
 pub fn options_of_kind() -> RealismOptions {
+    by_kind(1.0 / 12.0, None)
+}
+
+/// The same with the diagnostic of places, too.
+pub fn options_of_place() -> RealismOptions {
+    by_kind(1.0 / 13.0, Some(1.0 / 13.0))
+}
+
+fn by_kind(share: f64, place_of_kind: Option<f64>) -> RealismOptions {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/calibration/kinds.toml");
     let calibration: Calibration = toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
-    let share = 1.0 / 12.0;
     let weights = Weights {
         rolling: Some(share),
         speed_of_kind: Some(share),
+        place_of_kind,
         map_validity: share,
         lane_direction: share,
         route_completion: share,

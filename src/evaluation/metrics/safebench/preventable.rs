@@ -56,7 +56,7 @@ mod tests {
     use super::*;
     use crate::evaluation::metrics::safebench::SafebenchOptions;
     use crate::evaluation::metrics::safebench::ars::tests::{PUBLISHED, conduct, contact, outcome, report};
-    use crate::sim::{ContactClass, OfKind, OfKindReport};
+    use crate::sim::{ContactClass, OfKind, WithRecording};
 
     const STRICTER: SafebenchOptions = SafebenchOptions {
         preventable: Some(PreventableOptions { wrong_way_m_max: 10.0, unrolled_m_max: 0.35 }),
@@ -93,7 +93,7 @@ mod tests {
             let simulated = OfKind { unrolled_m, speed_mps: 8.0 };
             let mut one = AdversaryReport { kind, ..report() };
             one.simulated.wrong_way_m = wrong_way_m;
-            one.of_kind = Some(OfKindReport { simulated, recorded: None });
+            one.of_kind = Some(WithRecording { simulated, recorded: None });
             let of = |options| SafebenchRun::of(&outcome(vec![(one.clone(), conduct(kind))]), options).unwrap();
             assert!(of(&PUBLISHED).realism.valid);
             of(&STRICTER).realism.valid

@@ -472,6 +472,7 @@ impl Plain<'_> {
             log_deviation_m_max: log.map(|_| 0.0),
             // Not asked for under the options that both are compared with.
             of_kind: None,
+            of_place: None,
         };
         let whole = poses.iter().map(|p| (*p, DT_S));
         let all: Vec<(Option<(Sample, Place)>, f64)> = whole.chain(tail).collect();

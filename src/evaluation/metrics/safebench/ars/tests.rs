@@ -37,6 +37,7 @@ pub fn report() -> AdversaryReport {
         struck_parked: false,
         route_completion: None,
         of_kind: None,
+        of_place: None,
         log_deviation_m_max: None,
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{
-    Acceptance, Briefing, Change, Cluster, Context, Diagnostic, FrontPoint, Handbook, HandbookParts, Measures,
+    Acceptance, Briefing, Change, Cluster, Context, Detail, Diagnostic, FrontPoint, Handbook, HandbookParts, Measures,
     ParentOutcome, PastEdit, Protocol, Questions, SceneRow,
 };
 use crate::{
@@ -26,6 +26,7 @@ pub struct Example {
     pub window: Vec<SceneRow>,
     pub history: Vec<PastEdit>,
     pub front: Vec<FrontPoint>,
+    questions: Questions,
 }
 
 impl Example {
@@ -42,15 +43,36 @@ impl Example {
 
     /// The same under other measures.
     pub fn with(contract: Contract, parent: Program, foreign: Vec<String>, measures: &Measures) -> Example {
+        Example::in_form(contract, parent, foreign, measures, Questions::Plain)
+    }
+
+    /// The same in another form of questions.
+    pub fn in_form(
+        contract: Contract,
+        parent: Program,
+        foreign: Vec<String>,
+        measures: &Measures,
+        questions: Questions,
+    ) -> Example {
+        let contract_text = match questions {
+            Questions::Compact => super::compact_contract_text(&contract, &parent),
+            _ => super::contract_text(&contract),
+        };
+        let compact = questions.is_compact();
         let parts = HandbookParts {
             contract: &contract,
-            contract_text: &super::contract_text(&contract),
+            contract_text: &contract_text,
             parent: &parent,
             foreign_vocabulary: &foreign,
             protected_words: &["ego", "simulator"],
             measures,
             omitted: super::Omitted::default(),
-            detail: None,
+            detail: (!questions.is_plain()).then_some(Detail {
+                search: "What is searched.",
+                around: "What holds around it.",
+                ego: "What it heeds.",
+                compact,
+            }),
         };
         Example {
             handbook: Handbook::of(&parts).unwrap(),
@@ -76,6 +98,7 @@ impl Example {
                 is_parent: true,
                 on_window: None,
             }],
+            questions,
         }
     }
 
@@ -93,7 +116,7 @@ impl Example {
             window: &self.window,
             history: &self.history,
             front: &self.front,
-            questions: Questions::Plain,
+            questions: self.questions,
             not_shown: "",
         }
     }

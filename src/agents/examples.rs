@@ -3,7 +3,7 @@
 
 use serde_json::{Value, json};
 
-use super::json_text::lines;
+use super::json_text::{dense_json, lines};
 use crate::adapters::{Contract, Domain, Feature, OperatorSpec, Port};
 use crate::objects::{OperatorNode, Program, Setting, Slot, ValueType};
 
@@ -19,8 +19,11 @@ pub struct Examples {
 }
 
 /// Examples for a family.
-pub fn examples(contract: &Contract, parent: &Program) -> Examples {
-    let shown = |operations: Vec<Value>| lines(&Value::from(operations));
+pub fn examples(contract: &Contract, parent: &Program, compact: bool) -> Examples {
+    let shown = |operations: Vec<Value>| match compact {
+        true => dense_json(&operations.into(), 1),
+        false => lines(&Value::from(operations)),
+    };
     Examples { works: guarded(contract, parent).map(shown), rule: rule(contract, parent).map(|rule| shown(vec![rule])) }
 }
 

@@ -4,8 +4,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::program_text::part_text;
+use super::tables::{BAR, line, within};
 use crate::kernel::num;
-use crate::objects::{AttemptId, Operation, OperationKind, SolutionId};
+use crate::objects::{AttemptId, LineageId, Operation, OperationKind, SolutionId};
 
 /// Characters of an operation's value that are shown.
 const VALUE_CHARS: usize = 260;
@@ -101,20 +103,144 @@ impl PastEdit {
         if let Some(change) = &self.change {
             shown["change"] = change.most().shown().into();
         }
+        shown["operations"] = self.operations_beside(&DETAILED, parts, written).into();
+        shown
+    }
+
+    /// Its row in the table of a compact question, under [`PastEdit::compact_head`].
+    pub fn compact_row(
+        &self,
+        lineage: &LineageId,
+        parent: &SolutionId,
+        parts: &Value,
+        written: &mut BTreeSet<String>,
+    ) -> String {
+        let of = if self.parent == *parent { "" } else { within(self.parent.as_str(), lineage) };
+        let change = self.change.as_ref().map(Change::cells);
+        let own = [within(self.attempt.as_str(), lineage).to_string(), self.ended.clone(), of.into()];
+        let problems = self.problems.join("; ");
+        let says = [
+            self.verdict.clone().unwrap_or(problems),
+            in_groups(self.operations_beside(&COMPACT, parts, written)).join("; "),
+            cut(&self.hypothesis, HYPOTHESIS_CHARS),
+        ];
+        line(own.into_iter().chain(change.unwrap_or([const { String::new() }; CHANGE_HEAD.len()])).chain(says))
+    }
+
+    /// Heads of the columns of compact rows.
+    pub fn compact_head() -> String {
+        let change = CHANGE_HEAD.join(BAR);
+        format!("attempt|ended|parent, if another|{change}|gates or problems|operations|hypothesis")
+    }
+
+    /// Its operations: one whose value stands in the parent is not written out again, and one that another edit of the list wrote out
+    /// neither.
+    fn operations_beside(&self, style: &Style, parts: &Value, written: &mut BTreeSet<String>) -> Vec<String> {
         let texts = self.operations.iter().map(|of| {
-            let whole = operation(of, DETAILED_VALUE_CHARS);
+            let whole = (style.whole)(of);
+            let again = |how: &str| format!("{} {}{how}", word(of.op), (style.place)(&of.path));
             if of.value.is_some() && of.value.as_ref() == parts.pointer(&of.path) {
-                return format!("{} {}: as in the parent", word(of.op), of.path);
+                return again(style.as_in_parent);
             }
             if !written.insert(whole.clone()) && whole.len() > REPEATED_CHARS {
-                return format!("{} {}: as written above", word(of.op), of.path);
+                return again(style.as_above);
             }
             whole
         });
-        shown["operations"] = texts.collect::<Vec<String>>().into();
-        shown
+        texts.collect()
     }
 }
+
+/// How a form of questions writes operations.
+struct Style {
+    whole: fn(&Operation) -> String,
+    place: fn(&str) -> String,
+    as_in_parent: &'static str,
+    as_above: &'static str,
+}
+
+const DETAILED: Style = Style {
+    whole: |of| operation(of, DETAILED_VALUE_CHARS),
+    place: str::to_string,
+    as_in_parent: ": as in the parent",
+    as_above: ": as written above",
+};
+
+const COMPACT: Style =
+    Style { whole: compact_operation, place: short_place, as_in_parent: "=parent", as_above: "=above" };
+
+fn compact_operation(of: &Operation) -> String {
+    let value = of.value.as_ref().map(|value| format!(": {}", cut(&part_text(value), DETAILED_VALUE_CHARS)));
+    format!("{} {}{}", word(of.op), short_place(&of.path), value.unwrap_or_default())
+}
+
+/// Neighbours that do the same to parts of one sort as one: `remove node a b`, `add node a b=parent`.
+fn in_groups(operations: Vec<String>) -> Vec<String> {
+    let parts = |text: &str| {
+        let (head, how) =
+            text.split_once('=').filter(|(_, how)| ["parent", "above"].contains(how)).unwrap_or((text, ""));
+        let (act, name) = head.rsplit_once(' ')?;
+        let bare = !head.contains(':') && (!how.is_empty() || act.starts_with("remove"));
+        bare.then(|| (act.to_string(), name.to_string(), how.to_string()))
+    };
+    let mut groups: Vec<String> = Vec::new();
+    let mut open: Option<(String, String)> = None;
+    for text in operations {
+        let now = parts(&text);
+        let key = now.as_ref().map(|(act, _, how)| (act.clone(), how.clone()));
+        match (&now, groups.last_mut()) {
+            (Some((_, name, how)), Some(last)) if key == open => {
+                let how = if how.is_empty() { String::new() } else { format!("={how}") };
+                let end = last.len() - how.len();
+                last.replace_range(end.., &format!(" {name}{how}"));
+            }
+            _ => groups.push(text),
+        }
+        open = key;
+    }
+    groups
+}
+
+/// A path with the part's name in a word.
+fn short_place(path: &str) -> String {
+    const PARTS: [(&str, &str); 4] = [
+        ("/mechanism_modules/", "module "),
+        ("/operator_graph/", "node "),
+        ("/parameters/", "parameter "),
+        ("/scenario_conditioned_policy/", "rule "),
+    ];
+    let short = PARTS.iter().find_map(|(part, word)| Some(format!("{word}{}", path.strip_prefix(part)?)));
+    short.unwrap_or_else(|| path.to_string())
+}
+
+/// How a form of questions writes a difference and its standard error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Numbers {
+    /// With three decimals.
+    Decimals,
+    /// In thousandths.
+    Thousandths,
+}
+
+impl Numbers {
+    /// `+0.033 ± 0.041`, or `+33±41`.
+    pub fn difference(self, value: f64, error: Option<f64>) -> String {
+        match (self, error) {
+            (Numbers::Decimals, Some(error)) => format!("{value:+.3} ± {error:.3}"),
+            (Numbers::Decimals, None) => format!("{value:+.3}"),
+            (Numbers::Thousandths, Some(error)) => format!("{}±{:.0}", thousandths(value), error * 1000.0),
+            (Numbers::Thousandths, None) => thousandths(value),
+        }
+    }
+}
+
+fn thousandths(x: f64) -> String {
+    format!("{:+}", num::rounded(x * 1000.0, 0) as i64)
+}
+
+/// Heads of the columns that a compact row gives a change.
+const CHANGE_HEAD: [&str; 9] =
+    ["scenes", "attack", "realism", "near misses", "coverage", "diagnostics", "clusters", "won", "lost"];
 
 impl Change {
     /// Its largest changes alone.
@@ -135,6 +261,29 @@ impl Change {
             lost: first(&self.lost),
             ..self.clone()
         }
+    }
+
+    /// Its largest changes as cells under [`CHANGE_HEAD`].
+    fn cells(&self) -> [String; CHANGE_HEAD.len()] {
+        let most = self.most();
+        let of = |(value, error): (f64, Option<f64>)| Numbers::Thousandths.difference(value, error);
+        let moved = |all: &BTreeMap<String, f64>| {
+            let moved = all.iter().filter(|(_, change)| change.abs() >= CHANGE_MIN);
+            moved.map(|(name, x)| format!("{name}{}", thousandths(*x))).collect::<Vec<_>>().join(" ")
+        };
+        let scenes = |all: &[String]| all.first().map(|first| format!("{} {first}", all.len())).unwrap_or_default();
+        let coverage = if self.coverage.abs() < CHANGE_MIN { String::new() } else { thousandths(self.coverage) };
+        [
+            self.scenes.to_string(),
+            of(self.attack),
+            of(self.realism),
+            self.near.map(|[before, after]| format!("{before}>{after}")).unwrap_or_default(),
+            coverage,
+            moved(&most.diagnostics),
+            moved(&most.clusters),
+            scenes(&self.won),
+            scenes(&self.lost),
+        ]
     }
 
     /// In one line: what is 0 is left out.

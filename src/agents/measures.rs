@@ -75,29 +75,62 @@ pub struct Acceptance {
     pub realism_min: f64,
 }
 
-/// What each diagnostic measures, in words, and its form.
-const MEANINGS: [(&str, &str); 13] = [
-    ("map_validity", "how far a corner of its box leaves the lanes, m"),
-    ("lane_direction", "way driven against the lanes, m"),
-    ("route_completion", "share of its own recorded way that it drove by then"),
-    ("initial_non_overlap", "1 unless it overlaps somebody when it is first moved"),
-    ("collision_validity", "1 unless it touches another moving road user than the ego"),
-    ("parked_obstacles", "1 unless it touches something that stands"),
-    ("trajectory_continuity", "the worst of jumps, kinks and roughness of its places, m"),
-    ("bounded_acceleration", "largest acceleration or braking along its heading, m/s^2"),
-    ("bounded_jerk", "jerk: largest change of acceleration, m/s^3"),
-    ("bounded_slip", "speed across its heading, m/s"),
-    ("rolling", "how far it goes where wheels do not take it, m: a slide, a turn on the spot"),
+/// What each diagnostic measures, in words, and what its name leaves open of that.
+const MEANINGS: [(&str, &str, &str); 13] = [
+    ("map_validity", "how far a corner of its box leaves the lanes, m", "a corner of its box off the lanes, m"),
+    ("lane_direction", "way driven against the lanes, m", "driven against the lanes, m"),
+    ("route_completion", "share of its own recorded way that it drove by then", "driven share of its recorded way"),
+    (
+        "initial_non_overlap",
+        "1 unless it overlaps somebody when it is first moved",
+        "1 unless it overlaps somebody when first moved",
+    ),
+    (
+        "collision_validity",
+        "1 unless it touches another moving road user than the ego",
+        "1 unless it touches a moving road user but the ego",
+    ),
+    ("parked_obstacles", "1 unless it touches something that stands", "1 unless it touches what stands"),
+    (
+        "trajectory_continuity",
+        "the worst of jumps, kinks and roughness of its places, m",
+        "worst of its places' jumps, kinks, roughness, m",
+    ),
+    (
+        "bounded_acceleration",
+        "largest acceleration or braking along its heading, m/s^2",
+        "along its heading, either sign, m/s^2",
+    ),
+    ("bounded_jerk", "jerk: largest change of acceleration, m/s^3", "change of acceleration, m/s^3"),
+    ("bounded_slip", "speed across its heading, m/s", "speed across its heading, m/s"),
+    (
+        "rolling",
+        "how far it goes where wheels do not take it, m: a slide, a turn on the spot",
+        "way where wheels do not take it, m: a slide, a turn on the spot",
+    ),
     (
         "place_of_kind",
         "on foot or a bicycle: time on a motorway, s; on wheels: way over a kerb or median onto other lanes, m",
+        "on foot or a bicycle: on a motorway, s; on wheels: over a kerb or median onto other lanes, m",
     ),
-    ("speed_of_kind", "its speed, by the bound of its kind of road user, m/s"),
+    ("speed_of_kind", "its speed, by the bound of its kind of road user, m/s", "bound of its kind of road user, m/s"),
+];
+
+/// Contact classes and what the compact form says of those whose name does not.
+const CLASSES: [(&str, &str); 8] = [
+    ("ego_strikes", "its front hits one ahead that goes its way"),
+    ("ego_sideswipes", "it moves sideways into one beside it"),
+    ("stationary_hit", "the other stands"),
+    ("cut_in", "one that enters its path less than 2 s before"),
+    ("crossing", "45 to 135 degrees"),
+    ("head_on", ""),
+    ("sideswipe", "the other moves sideways into it"),
+    ("rear_end_ego_struck", "it is hit from behind"),
 ];
 
 impl Measures {
-    /// The formulas with their numbers.
-    pub fn text(&self) -> Result<String, PromptError> {
+    /// The formulas with their numbers; `compact` says in a mark which contacts count, and each weight once.
+    pub fn text(&self, compact: bool) -> Result<String, PromptError> {
         let Acceptance { r0, a0, epsilon_r, epsilon_a, level, coverage_floor, realism_min } = self.acceptance;
         let mut values = json!({
             "r0": r0, "a0": a0, "epsilon_r": epsilon_r, "epsilon_a": epsilon_a, "level": level,
@@ -115,8 +148,22 @@ impl Measures {
                 let first = diagnostics.first().map(|diagnostic| diagnostic.weight);
                 let alike = first.filter(|first| diagnostics.iter().all(|diagnostic| diagnostic.weight == *first));
                 values["weight"] = alike.into();
-                values["diagnostics"] = diagnostics.iter().map(row).collect::<Vec<Value>>().into();
-                fill("objectives_metadrive.md", &values)
+                values["diagnostics"] =
+                    diagnostics.iter().map(|diagnostic| row(diagnostic, compact)).collect::<Vec<Value>>().into();
+                if !compact {
+                    return fill("objectives_metadrive.md", &values);
+                }
+                values["classes"] = classes(counts, counts_if_avoidable).into();
+                let avoidable = format!(
+                    "`?` where the ego could have avoided it by a full brake or a swerve, begun {reaction_s} s after it could see the \
+                     adversary on its way into its own; the simulator tries five such manoeuvres"
+                );
+                let marks = [("`+` counts", counts), (&avoidable, counts_if_avoidable)];
+                let marks = marks.into_iter().filter(|(_, names)| when.is_none() && !names.is_empty());
+                values["marks"] = marks.map(|(mark, _)| mark).collect::<Vec<&str>>().join(", ").into();
+                let (weight, others) = weights(diagnostics);
+                (values["weight"], values["weights"]) = (weight.into(), others.join(", ").into());
+                fill("objectives_metadrive_compact.md", &values)
             }
             Protocol::Safebench { limits } => {
                 let shown = limits.iter().map(|(name, bound, tolerance)| format!("{name} ({bound}, {tolerance})"));
@@ -127,12 +174,36 @@ impl Measures {
     }
 }
 
+/// Each class with a mark: `+` where it counts, `?` where it counts if it could have been avoided.
+fn classes(counts: &[String], counts_if_avoidable: &[String]) -> Vec<Value> {
+    let has = |of: &[String], name: &str| of.iter().any(|other| other == name);
+    let class = |(name, meaning): &(&str, &str)| {
+        let mark = match () {
+            () if has(counts, name) => "+",
+            () if has(counts_if_avoidable, name) => "?",
+            () => "",
+        };
+        json!({"name": name, "meaning": meaning, "mark": mark})
+    };
+    CLASSES.iter().map(class).collect()
+}
+
+/// The weight that most diagnostics have, and the others by name.
+fn weights(diagnostics: &[Diagnostic]) -> (f64, Vec<String>) {
+    let count = |weight: f64| diagnostics.iter().filter(|diagnostic| diagnostic.weight == weight).count();
+    let most = diagnostics.iter().map(|diagnostic| diagnostic.weight).max_by_key(|weight| count(*weight));
+    let most = most.unwrap_or_default();
+    let others = diagnostics.iter().filter(|diagnostic| diagnostic.weight != most);
+    (most, others.map(|diagnostic| format!("{} {}", diagnostic.name, diagnostic.weight)).collect())
+}
+
 fn listed(names: &[String]) -> String {
     if names.is_empty() { "none".into() } else { names.join(", ") }
 }
 
-fn row(diagnostic: &Diagnostic) -> Value {
-    let meaning = MEANINGS.iter().find(|(name, _)| *name == diagnostic.name).map_or("", |(_, meaning)| meaning);
+fn row(diagnostic: &Diagnostic, compact: bool) -> Value {
+    let meaning = MEANINGS.iter().find(|(name, ..)| *name == diagnostic.name);
+    let meaning = meaning.map_or("", |(_, whole, short)| if compact { short } else { whole });
     let several = diagnostic.limits.len() > 1;
     let limits = diagnostic.limits.iter().map(|(name, bound, tolerance)| {
         let name = if several { format!("{name} ") } else { String::new() };

@@ -17,8 +17,9 @@ use super::{
     history::PastEdit,
     json_text::{dense_json, lean_json, stable_json},
     measures::Measures,
+    program_text::program_text,
     reply, reply_form, tables,
-    task::{Context, ParentOutcome, Task},
+    task::{Context, ParentOutcome, Questions, Task},
     template::{PromptError, fill},
     window,
 };
@@ -26,11 +27,17 @@ use crate::{
     adapters::{ADAPTER_VERSION, Contract},
     kernel::{canon::CanonError, num},
     llm::{DrawSlot, Message, ModelSpec, Request, ResponseFormat, Schema, Text},
-    objects::{Advice, Card, CardKind, LineageId, Program, ProgramPatch, Review, Role, Slot},
+    objects::{
+        Advice, Card, CardKind, LineageId, Objectives, ParameterValue, Program, ProgramPatch, Review, Role, Slot,
+    },
 };
 
 /// Decimals of objectives, shares and diagnostics in prompts. Parameters of a program are shown as they are.
 const SCORE_DECIMALS: u32 = 4;
+/// The same in compact questions.
+const COMPACT_DECIMALS: u32 = 3;
+/// What a patch in a compact question should have repeated and did not.
+const PARENTS: &str = "the parent's";
 /// Most bytes of an unreadable reply that a repair sees.
 const UNREADABLE_MAX_CHARS: usize = 6_000;
 
@@ -46,11 +53,6 @@ fn role_template(role: Role) -> &'static str {
         Role::TemplateAgent => "template_agent.md",
         Role::WorldAgent => "world_agent.md",
     }
-}
-
-/// A patch as critics and repair see it.
-pub fn patch_text(patch: &ProgramPatch) -> Result<String, PromptError> {
-    Ok(dense_json(&to_value(patch)?, 2))
 }
 
 /// What a handbook is made of. Nothing of it changes during a run.
@@ -83,6 +85,8 @@ pub struct Detail<'a> {
     pub around: &'a str,
     /// What the driver under test looks at and what it does not.
     pub ego: &'a str,
+    /// Whether the handbook is that of compact questions.
+    pub compact: bool,
 }
 
 /// Parts of the system that a handbook does not speak of, because the run does without them.
@@ -102,6 +106,8 @@ pub struct Omitted {
 pub struct Handbook {
     text: Text,
     surface: Arc<Surface>,
+    /// Values of the parameters that the contract of a compact handbook shows.
+    first: BTreeMap<String, ParameterValue>,
 }
 
 impl Handbook {
@@ -109,11 +115,12 @@ impl Handbook {
     pub fn of(parts: &HandbookParts<'_>) -> Result<Handbook, PromptError> {
         let HandbookParts { contract, contract_text, parent, foreign_vocabulary, protected_words, .. } = *parts;
         let HandbookParts { measures, omitted, detail, .. } = *parts;
-        let Examples { works, rule } = examples(contract, parent);
+        let compact = detail.is_some_and(|detail| detail.compact);
+        let Examples { works, rule } = examples(contract, parent, compact);
         let (works, rule) = (works.filter(|_| !omitted.modules), rule.filter(|_| !omitted.rules));
         let blocks = json!({
             "family": contract.family,
-            "measures": measures.text()?.trim_end(),
+            "measures": measures.text(compact)?.trim_end(),
             "limits": contract.limits,
             "protected_words": protected_words.join(" "),
             "filters": contract.operators.get(&Slot::Filter).is_some_and(|kinds| !kinds.is_empty()),
@@ -132,7 +139,8 @@ impl Handbook {
             modules: !omitted.modules,
             fixed_bodies: measures.fixed_bodies,
         };
-        Ok(Handbook { text: fill("handbook.md", &blocks)?.into(), surface: Arc::new(surface) })
+        let text = fill(if compact { "handbook_compact.md" } else { "handbook.md" }, &blocks)?.into();
+        Ok(Handbook { text, surface: Arc::new(surface), first: parent.parameters.clone() })
     }
 
     /// Its text.
@@ -146,6 +154,7 @@ impl Handbook {
 pub struct Briefing {
     lineage: String,
     epoch: u32,
+    questions: Questions,
     handbook: Text,
     text: Text,
     /// What a patch repeats of its parent: member of the reply -> value.
@@ -164,27 +173,34 @@ impl Briefing {
             "parent_program_hash": context.parent_hash.to_hex(),
             "ego": context.ego,
         });
-        let (parent, detailed) = (to_value(context.parent)?, !context.questions.is_plain());
-        let mut written = BTreeSet::new();
-        let edit = |edit: &PastEdit| match detailed {
-            true => edit.shown_beside(&context.parent.solution_id, &parent, &mut written),
-            false => edit.shown(&context.parent.solution_id),
+        let parent = to_value(context.parent)?;
+        let text = match context.questions {
+            Questions::Compact => fill("context_compact.md", &compact_blocks(context, parent))?,
+            questions => {
+                let detailed = !questions.is_plain();
+                let mut written = BTreeSet::new();
+                let edit = |edit: &PastEdit| match detailed {
+                    true => edit.shown_beside(&context.parent.solution_id, &parent, &mut written),
+                    false => edit.shown(&context.parent.solution_id),
+                };
+                let history: Vec<Value> = context.history.iter().map(edit).collect();
+                let blocks = json!({
+                    "lineage": context.lineage,
+                    "epoch": context.epoch,
+                    "identity": dense_json(&identity, 1),
+                    "parent": dense_json(&shown_parent(parent), 2),
+                    "outcomes": lean_json(&shown_outcomes(context.parent_outcome)),
+                    "window": window::table(context.window),
+                    "clusters": tables::clusters(context.clusters, false),
+                    "front": tables::front(context.front, None),
+                    "history": dense_json(&history.into(), 1),
+                    "memory": dense_json(&shown_memory(context), 1),
+                    "not_shown": context.not_shown,
+                });
+                fill(if detailed { "context_detailed.md" } else { "context.md" }, &blocks)?
+            }
         };
-        let history: Vec<Value> = context.history.iter().map(edit).collect();
-        let blocks = json!({
-            "lineage": context.lineage,
-            "epoch": context.epoch,
-            "identity": dense_json(&identity, 1),
-            "parent": dense_json(&shown_parent(parent), 2),
-            "outcomes": lean_json(&shown_outcomes(context.parent_outcome)),
-            "window": window::table(context.window),
-            "clusters": tables::clusters(context.clusters),
-            "front": tables::front(context.front),
-            "history": dense_json(&history.into(), 1),
-            "memory": dense_json(&shown_memory(context), 1),
-            "not_shown": context.not_shown,
-        });
-        let text = fill(if detailed { "context_detailed.md" } else { "context.md" }, &blocks)?.into();
+        let text = text.into();
         let handbook = context.handbook.text().clone();
         let repeats = BTreeMap::from([
             ("source_baseline", context.parent.source_family.to_string()),
@@ -201,7 +217,24 @@ impl Briefing {
             },
             made: Default::default(),
         };
-        Ok(Briefing { lineage: context.lineage.to_string(), epoch: context.epoch, handbook, text, repeats, closed })
+        let (lineage, questions) = (context.lineage.to_string(), context.questions);
+        Ok(Briefing { lineage, epoch: context.epoch, questions, handbook, text, repeats, closed })
+    }
+
+    /// A patch as critics and repair see it. In compact questions what it repeats of its parent is left out, and where it should have,
+    /// `the parent's` says what.
+    pub fn patch_text(&self, patch: &ProgramPatch) -> Result<String, PromptError> {
+        let mut shown = to_value(patch)?;
+        if let (true, Some(members)) = (self.questions.is_compact(), shown.as_object_mut()) {
+            let is_same = |name: &str, value: &String| members.get(name).and_then(Value::as_str) == Some(value);
+            let (same, others): (BTreeMap<_, _>, BTreeMap<_, _>) =
+                self.repeats.iter().partition(|(name, value)| is_same(name, value));
+            members.retain(|name, _| !same.contains_key(&name.as_str()));
+            if !others.is_empty() {
+                members.insert(PARENTS.into(), json!(others));
+            }
+        }
+        Ok(dense_json(&shown, 2))
     }
 
     /// The text that all slots and roles of the epoch share.
@@ -214,7 +247,7 @@ impl Briefing {
 pub enum Subject<'a> {
     /// No patch yet: the actor writes the first one.
     None,
-    /// A patch as `patch_text` writes it, once for all roles that see it.
+    /// A patch as [`Briefing::patch_text`] writes it, once for all roles that see it.
     Review {
         /// The patch in question, as JSON text.
         patch: &'a str,
@@ -251,7 +284,7 @@ pub fn request(
 ) -> Result<Request, PromptError> {
     let lineage = task.briefing.lineage.clone();
     let slot = DrawSlot { lineage, epoch: task.briefing.epoch, slot: task.slot, role: role.name().into(), round };
-    let Instructions { text, schema } = instructions(role)?.clone();
+    let Instructions { text, schema } = instructions(role, task.briefing.questions)?.clone();
     let messages = vec![
         Message { role: "system".into(), text: task.briefing.handbook.clone() },
         Message { role: "user".into(), text: task.briefing.text.clone() },
@@ -292,12 +325,12 @@ impl Aside<'_> {
     pub fn request(&self, asked: &[(&str, &str)], blocks: Vec<(&str, Value)>) -> Result<Request, PromptError> {
         let (lineage, role) = (self.lineage.to_string(), self.role.name().to_string());
         let slot = DrawSlot { lineage, epoch: self.epoch, slot: self.slot, role, round: self.round };
-        let Instructions { text: system, schema } = instructions(self.role)?.clone();
+        let Instructions { text: system, schema } = instructions(self.role, Questions::Plain)?.clone();
         let mut task = json!({"response_id": response_id(&slot)});
         asked.iter().for_each(|(name, value)| task[*name] = (*value).into());
         let block = |(title, value): (&str, Value)| json!({"title": title, "json": stable_json(&value)});
         let blocks: Vec<Value> = blocks.into_iter().map(block).collect();
-        let text = task_text(&slot, &task, &blocks, None)?;
+        let text = task_text("task.md", &slot, stable_json(&task), &blocks, None)?;
         let messages = vec![
             Message { role: "system".into(), text: system },
             Message { role: "user".into(), text: self.shown.clone() },
@@ -308,12 +341,17 @@ impl Aside<'_> {
     }
 }
 
-fn task_text(slot: &DrawSlot, asked: &Value, blocks: &[Value], form: Option<&str>) -> Result<String, PromptError> {
+fn task_text(
+    template: &'static str,
+    slot: &DrawSlot,
+    asked: String,
+    blocks: &[Value],
+    form: Option<&str>,
+) -> Result<String, PromptError> {
     let values = json!({
-        "slot": slot.slot, "role": slot.role, "round": slot.round, "task": stable_json(asked), "blocks": blocks,
-        "form": form,
+        "slot": slot.slot, "role": slot.role, "round": slot.round, "task": asked, "blocks": blocks, "form": form,
     });
-    fill("task.md", &values)
+    fill(template, &values)
 }
 
 /// What a role is to do: the same in every run of this adapter version.
@@ -326,30 +364,35 @@ pub struct Instructions {
 }
 
 /// The instructions of a role, written out once.
-pub fn instructions(role: Role) -> Result<&'static Instructions, PromptError> {
-    static ALL: LazyLock<Result<BTreeMap<Role, Instructions>, PromptError>> = LazyLock::new(|| {
+pub fn instructions(role: Role, questions: Questions) -> Result<&'static Instructions, PromptError> {
+    type All = BTreeMap<(Role, bool), Instructions>;
+    static ALL: LazyLock<Result<All, PromptError>> = LazyLock::new(|| {
         let asides = [Role::AttackerAgent, Role::TemplateAgent, Role::WorldAgent];
         let roles = Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair]).chain(asides);
-        roles.map(|role| Ok((role, instruct(role)?))).collect()
+        let all = roles.flat_map(|role| [(role, false), (role, true)]);
+        all.map(|(role, compact)| Ok(((role, compact), instruct(role, compact)?))).collect()
     });
     let all = ALL.as_ref().map_err(PromptError::clone)?;
     let unwritten = || PromptError { template: role.name(), reason: "this role has no instructions".into() };
-    all.get(&role).ok_or_else(unwritten)
+    all.get(&(role, questions.is_compact())).ok_or_else(unwritten)
 }
 
-fn instruct(role: Role) -> Result<Instructions, PromptError> {
-    let name = role_template(role);
+fn instruct(role: Role, compact: bool) -> Result<Instructions, PromptError> {
+    let proposes = [Role::Actor, Role::Repair].contains(&role) || Role::CRITICS.contains(&role);
+    let name = if compact && proposes { "role_compact.md" } else { role_template(role) };
     let schema = reply::schema(role);
-    let text = fill(name, &json!({"form": reply_form::form(&schema, &BTreeMap::new())}))?.into();
+    let values = json!({"form": reply_form::form(&schema, &BTreeMap::new()), "role": role.name()});
+    let text = fill(name, &values)?.into();
     let schema = Schema::new(schema).map_err(|error| PromptError { template: name, reason: error.to_string() })?;
     Ok(Instructions { text, schema })
 }
 
 fn question(task: &Task<'_>, role: Role, slot: &DrawSlot, subject: &Subject<'_>) -> Result<String, PromptError> {
-    let asked = json!({
-        "response_id": response_id(slot),
-        "target": task.target,
-    });
+    let (template, asked) = match task.briefing.questions {
+        // The form of the answer holds the `response_id`.
+        Questions::Compact => ("task_compact.md", compact_target(task)?),
+        _ => ("task.md", stable_json(&json!({"response_id": response_id(slot), "target": task.target}))),
+    };
     let block = |title: &str, text: &str| json!({"title": title, "json": text});
     let unreadable = |reply: &[u8], refusal: &str| {
         let text: String = String::from_utf8_lossy(reply).chars().take(UNREADABLE_MAX_CHARS).collect();
@@ -372,7 +415,74 @@ fn question(task: &Task<'_>, role: Role, slot: &DrawSlot, subject: &Subject<'_>)
     let mut known = task.briefing.repeats.clone();
     known.insert("response_id", response_id(slot));
     known.insert("role", role.name().into());
-    task_text(slot, &asked, &blocks, Some(&reply_form::form(&reply::schema(role), &known)))
+    task_text(template, slot, asked, &blocks, Some(&reply_form::form(&reply::schema(role), &known)))
+}
+
+/// `kind: text`, and the instruction below.
+fn compact_target(task: &Task<'_>) -> Result<String, PromptError> {
+    let target = to_value(task.target)?;
+    let field = |name: &str| target[name].as_str().unwrap_or_default().to_string();
+    Ok(format!("{}: {}\n{}", field("kind"), field("text"), field("instruction")))
+}
+
+/// The values of `context_compact.md`.
+fn compact_blocks(context: &Context<'_>, parent: Value) -> Value {
+    let mut written = BTreeSet::new();
+    let edit = |edit: &PastEdit| edit.compact_row(context.lineage, &context.parent.solution_id, &parent, &mut written);
+    let edits: Vec<String> = context.history.iter().map(edit).collect();
+    let history = if edits.is_empty() { edits } else { [PastEdit::compact_head()].into_iter().chain(edits).collect() };
+    // What the ego heeds stands in the handbook.
+    let ego = context.ego.split(';').next().unwrap_or_default();
+    json!({
+        "lineage": context.lineage,
+        "epoch": context.epoch,
+        "ego": ego,
+        "solution": context.parent.solution_id,
+        "parent": program_text(&shown_parent(parent), &context.handbook.first),
+        "outcomes": compact_outcomes(context.parent_outcome),
+        "window": window::compact_table(context.window),
+        "clusters": tables::clusters(context.clusters, true),
+        "front": tables::front(context.front, Some(context.lineage)),
+        "history": history.join("\n"),
+        "memory": compact_memory(context),
+        "not_shown": context.not_shown,
+    })
+}
+
+/// The sums over the window in a line, and diagnostics below 1 in another. The weakest is the lowest of these.
+fn compact_outcomes(outcome: Option<&ParentOutcome>) -> String {
+    let Some(outcome) = outcome else { return "none yet".into() };
+    let short = |x: f64| num::rounded(x, COMPACT_DECIMALS).to_string();
+    let Objectives { attack, realism } = outcome.objectives;
+    let counted = [
+        (Some(outcome.scenes), "scenes"),
+        (Some(outcome.failures).filter(|count| *count > 0), "without label"),
+        (outcome.near_misses, "near misses"),
+    ];
+    let counted = counted.into_iter().filter_map(|(count, of)| Some(format!("{} {of}", count?)));
+    let sums = [("attack", attack), ("realism", realism), ("coverage", outcome.coverage)];
+    let sums = sums.into_iter().map(|(name, x)| format!("{name} {}", short(x))).chain(counted);
+    let below = outcome.diagnostics.iter().filter(|(_, value)| num::rounded(**value, COMPACT_DECIMALS) < 1.0);
+    let below: Vec<String> = below.map(|(name, value)| format!("{name} {}", short(*value))).collect();
+    let lines = [sums.collect::<Vec<_>>().join(", "), below.join(", ")];
+    lines.into_iter().filter(|line| !line.is_empty()).collect::<Vec<_>>().join("\n")
+}
+
+/// A row a card with the members that `shown_memory` shows; a column that no card fills is left out.
+fn compact_memory(context: &Context<'_>) -> String {
+    let cards = shown_memory(context);
+    let cards: Vec<&Value> = cards.as_array().into_iter().flatten().collect();
+    let cell = |card: &Value, name: &str| match &card[name] {
+        Value::String(text) => text.clone(),
+        Value::Array(words) => words.iter().filter_map(Value::as_str).collect::<Vec<_>>().join(" "),
+        _ => String::new(),
+    };
+    let columns = ["id", "kind", "mechanism_tags", "scene_tags", "of_lineage", "text"];
+    let filled = |name: &&&str| cards.iter().any(|card| !card[**name].is_null());
+    let columns: Vec<&str> = columns.iter().filter(filled).copied().collect();
+    let rows = cards.iter().map(|card| tables::line(columns.iter().map(|name| cell(card, name))));
+    let head = (!cards.is_empty()).then(|| columns.join(tables::BAR));
+    head.into_iter().chain(rows).collect::<Vec<_>>().join("\n")
 }
 
 /// The reviews that object: what a repair must clear.

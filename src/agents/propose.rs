@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use super::{
     findings::{Findings, for_repair},
-    prompt::{Subject, patch_text, request},
+    prompt::{Subject, request},
     reply::{self, Refusal},
     task::Task,
     template::PromptError,
@@ -72,7 +72,7 @@ pub fn propose<E: From<AgentError>>(task: &Task<'_>, ask: &dyn Ask, check: &Chec
         let next = match &draft {
             Draft::Patch(patch) => {
                 let findings = check(patch)?;
-                let text = patch_text(patch).map_err(AgentError::from)?;
+                let text = task.briefing.patch_text(patch).map_err(AgentError::from)?;
                 let reviews = talk.reviews(round, &text, &findings)?;
                 let end = verdict(patch, &reviews, findings.gates.passed(), last);
                 rounds.push(Round { patch: Some(patch.clone()), reviews: reviews.clone() });

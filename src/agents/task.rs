@@ -24,12 +24,19 @@ pub enum Questions {
     Plain,
     /// Says how each scene came about, what nearly happened, why an edit did nothing and why a child was not accepted.
     Detailed,
+    /// Says what a detailed question says, in fewer tokens.
+    Compact,
 }
 
 impl Questions {
     /// Whether it is the first form.
     pub fn is_plain(&self) -> bool {
         *self == Questions::Plain
+    }
+
+    /// Whether it is the short form of detailed questions.
+    pub fn is_compact(&self) -> bool {
+        *self == Questions::Compact
     }
 }
 

@@ -15,7 +15,7 @@ pub struct PromptError {
     pub reason: String,
 }
 
-const TEMPLATES: [(&str, &str); 18] = [
+const TEMPLATES: [(&str, &str); 23] = [
     ("handbook.md", include_str!("prompts/handbook.md")),
     ("objectives_metadrive.md", include_str!("prompts/objectives_metadrive.md")),
     ("objectives_safebench.md", include_str!("prompts/objectives_safebench.md")),
@@ -34,6 +34,11 @@ const TEMPLATES: [(&str, &str); 18] = [
     ("context_detailed.md", include_str!("prompts/context_detailed.md")),
     ("scene.md", include_str!("prompts/scene.md")),
     ("task.md", include_str!("prompts/task.md")),
+    ("handbook_compact.md", include_str!("prompts/handbook_compact.md")),
+    ("objectives_metadrive_compact.md", include_str!("prompts/objectives_metadrive_compact.md")),
+    ("context_compact.md", include_str!("prompts/context_compact.md")),
+    ("role_compact.md", include_str!("prompts/role_compact.md")),
+    ("task_compact.md", include_str!("prompts/task_compact.md")),
 ];
 
 /// A template with its values put in.

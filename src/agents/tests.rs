@@ -307,7 +307,7 @@ fn the_context_shows_measured_numbers_to_four_decimals_and_the_identity_exactly(
 #[test]
 fn every_role_has_a_message_and_those_outside_the_loop_the_form_of_their_reply_in_it() {
     for role in [Role::Actor, Role::Repair, Role::WorldAgent].into_iter().chain(Role::CRITICS) {
-        let text = prompt::instructions(role).unwrap().text.clone();
+        let text = prompt::instructions(role, crate::agents::Questions::Plain).unwrap().text.clone();
         let form = text.contains("{\"response_id\": \"<text>\"") || text.contains("\"response_id\": \"<text>\"}");
         // In the loop the form ends the task, with the values that a reply repeats.
         assert_eq!(form, role == Role::WorldAgent, "{role:?}");

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
 
 use super::RunError;
 use super::state::State;
-use crate::agents::{AgentError, Briefing, Cluster, Context, Handbook, ParentOutcome, Questions, SceneRow};
+use crate::agents::{AgentError, Briefing, Cluster, Context, Handbook, Numbers, ParentOutcome, Questions, SceneRow};
 use crate::archive::Archive;
 use crate::archive::search::{SearchState, SlotDraw};
 use crate::epoch::acceptance::search;
@@ -111,7 +111,7 @@ pub fn freeze<'a>(
     let scene_tags = study.telling_tags(&window);
     let conflicts = match study.questions {
         Questions::Plain => BTreeMap::new(),
-        Questions::Detailed => conflicts::conflicts(study, spec, tools),
+        Questions::Detailed | Questions::Compact => conflicts::conflicts(study, spec, tools),
     };
     let handbook = handbook(study, spec)?;
     let freezing =
@@ -219,7 +219,9 @@ impl Freezing<'_> {
         let mut history = history::shown(state, &spec.id, seen, &memory);
         let (mut not_shown, mut on_window) = (String::new(), None);
         if !study.questions.is_plain() {
-            history::with_verdicts(state, &mut history);
+            let compact = study.questions.is_compact();
+            let numbers = if compact { Numbers::Thousandths } else { Numbers::Decimals };
+            history::with_verdicts(state, &mut history, numbers);
             not_shown = history::not_shown(state, &spec.id, &history);
             on_window = Some(self.standing);
         }

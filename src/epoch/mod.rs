@@ -4,6 +4,8 @@ mod acceptance;
 mod ahead;
 mod briefs;
 #[cfg(test)]
+mod compact_tests;
+#[cfg(test)]
 mod detailed_tests;
 mod error;
 mod freeze;

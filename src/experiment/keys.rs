@@ -126,8 +126,8 @@ fn study() -> Vec<Key> {
                 "questions",
                 "",
                 "",
-                Word(|| words(["plain", "detailed"])),
-                "Form of the questions to the roles that evolve programs: `detailed` says how each scene came about, why an edit did nothing and why a child was not accepted.",
+                Word(|| words(["plain", "detailed", "compact"])),
+                "Form of the questions to the roles that evolve programs: `detailed` says how each scene came about, why an edit did nothing and why a child was not accepted; `compact` says the same in fewer tokens.",
             ),
             (
                 "split.evolution.count",

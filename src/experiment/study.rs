@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::{Experiment, ExperimentError, PlainContacts, models};
-use crate::agents::{Questions, contract_text};
+use crate::agents::{Questions, compact_contract_text, contract_text};
 use crate::ego::Policy;
 use crate::epoch::{Budget, LineageSpec, SceneEntry, Start, Study, Without};
 use crate::families;
@@ -142,7 +142,13 @@ impl Experiment {
         if without.audit {
             world.routing.audit_share = 0.0;
         }
-        let text = |f: &Source| (f.contract.family.clone(), contract_text(&f.contract));
+        let text = |f: &Source| {
+            let written = match self.questions {
+                Questions::Compact => compact_contract_text(&f.contract, &f.parent),
+                Questions::Plain | Questions::Detailed => contract_text(&f.contract),
+            };
+            (f.contract.family.clone(), written)
+        };
         let used = |f: &&Source| lineages.iter().any(|spec| spec.family == f.contract.family);
         let contract_texts = sources.iter().filter(used).map(text).collect();
         let mut study = Study {

@@ -8,7 +8,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::{
     contract::Domain,
     edit,
-    reader::{EDITABLE, Module, Node, Program, PromptView, Rule, names_in},
+    names::names_in,
+    reader::{EDITABLE, Module, Node, Program, PromptView, Rule},
 };
 
 /// A blocking fault, and what would mend it.

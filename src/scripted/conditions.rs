@@ -3,7 +3,8 @@
 
 use super::{
     constants::{fill, without_constants},
-    reader::{PromptView, names_in},
+    names::names_in,
+    reader::PromptView,
 };
 use crate::kernel::{Stream, num};
 

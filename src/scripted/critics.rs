@@ -8,7 +8,8 @@ use super::{
     check::{self, Finding, Fix},
     edit,
     forms::Purpose,
-    reader::{Program, PromptView, words},
+    names::words,
+    reader::{Program, PromptView},
     refusal::unanswerable,
 };
 use crate::{kernel::Stream, llm::ModelError};

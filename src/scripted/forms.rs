@@ -4,7 +4,8 @@
 use super::{
     conditions,
     constants::{fill, without_constants},
-    reader::{PromptView, names_in, words},
+    names::{names_in, words},
+    reader::PromptView,
 };
 use crate::kernel::{Stream, num};
 

@@ -1,23 +1,29 @@
 //! The whole prompts of every role for families of different make, around the same sample data: what a model reads. They
 //! change only on purpose; how to bless them stands in CONTRIBUTING.md.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Debug;
+
+use serde_json::json;
 
 use crate::adapters::Family;
 use crate::agents::{
-    Findings, Target, TargetKind, Task,
-    example::Example,
+    Findings, Questions, Target, TargetKind, Task,
+    example::{Example, measures},
     examples::examples,
-    prompt::{Subject, patch_text, request},
+    prompt::{Subject, request},
 };
 use crate::candidates::{Judging, Trials, admit};
 use crate::families;
 use crate::kernel::Digest;
 use crate::llm::{ModelSpec, Request};
 use crate::objects::{
-    Advice, FamilyName, GateReport, GateVerdict, LineageId, Operation, OperationKind, Program, ProgramPatch, Review,
-    Role, SolutionId, attempt::Gate,
+    Advice, FamilyName, GateReport, GateVerdict, LineageId, MechanismModule, Operation, OperationKind, ParameterRef,
+    ParameterValue, Program, ProgramPatch, Review, Role, Setting, SolutionId, attempt::Gate,
 };
+use crate::sim::ContactClass;
+
+use super::reader::PromptView;
 
 /// Bytes of a token in these prompts, measured: see docs/MODELS.md.
 const BYTES_PER_TOKEN: f64 = 3.8;
@@ -39,7 +45,11 @@ fn spec() -> ModelSpec {
 /// The questions of all roles about a family.
 fn asked(family: &str) -> Vec<Request> {
     let family = families::registry().get(&FamilyName::new(family)).unwrap().clone();
-    let example = Example::of(family.contract, family.parent, vec!["swarm_budget".into()]);
+    asked_about(&Example::of(family.contract, family.parent, vec!["swarm_budget".into()]))
+}
+
+/// The same about a family in its surroundings. The patch repeats another hash than the parent's.
+fn asked_about(example: &Example) -> Vec<Request> {
     let briefing = example.briefing();
     let target = Target {
         kind: TargetKind::RaiseAttack,
@@ -55,7 +65,7 @@ fn asked(family: &str) -> Vec<Request> {
         critics: &Role::CRITICS,
         max_repair_rounds: 1,
     };
-    let patch = patch_text(&ProgramPatch {
+    let patch = briefing.patch_text(&ProgramPatch {
         source_baseline: example.parent.source_family.clone(),
         parent_solution_id: example.parent.solution_id.clone(),
         parent_program_hash: "0".repeat(64),
@@ -92,9 +102,128 @@ fn asked(family: &str) -> Vec<Request> {
     roles.map(question).collect()
 }
 
+/// Whoever reads a compact question learns what a reader of the detailed one learns: its blocks are told at length again and compared.
+#[test]
+fn a_compact_question_is_read_as_the_detailed_one() {
+    let module = |slot: &str, output, expression: &str, inputs: &[&str]| MechanismModule {
+        slot: slot.into(),
+        inputs: inputs.iter().map(|name| (*name).to_string()).collect(),
+        output,
+        expression: expression.into(),
+        tags: vec!["one".into(), "two".into()],
+    };
+    let rule = |parameter: &str, node: &str, setting: &str| {
+        json!({"name": "busy", "when": "min(vehicle_count, 9) >= 8", "parameters": {parameter: 1.25},
+            "operators": {node: {setting: {"parameter": parameter}}}})
+    };
+    for family in families::registry().iter() {
+        let (contract, mut parent) = (family.contract.clone(), family.parent.adopted(&LineageId::new("toy-idm")));
+        // A program that was edited: modules in both orders of inputs, a rule, another value, a parameter of another name.
+        for (slot, spec) in &contract.mechanism_slots {
+            let names: Vec<&str> = spec.features.iter().take(2).map(|feature| feature.name).collect();
+            let [a, b] = names.as_slice() else { continue };
+            for (place, inputs) in [[*a, *b], [*b, *a]].iter().enumerate() {
+                let of = module(slot, spec.output, &format!("min({b}, {a}) + 1"), inputs);
+                parent.mechanism_modules.insert(format!("{slot}_{place}"), of);
+            }
+        }
+        let numbers: Vec<String> = parent.parameters.keys().take(2).cloned().collect();
+        let node = parent.operator_graph.keys().next().unwrap().clone();
+        parent.parameters.insert(numbers[0].clone(), ParameterValue::Number(1.25));
+        let settings = &mut parent.operator_graph.get_mut(&node).unwrap().settings;
+        settings.insert("other".into(), Setting::Parameter(ParameterRef { parameter: numbers[0].clone() }));
+        settings.insert("word".into(), Setting::Choice("add".into()));
+        let rule = rule(&numbers[0], &node, "other");
+        parent.scenario_conditioned_policy.push(serde_json::from_value(rule).unwrap());
+
+        let in_form = |questions| {
+            let measures = measures(contract.backend == "safebench");
+            // The handbook is of the family's own parent, the context of the edited one.
+            let mut example = Example::in_form(contract.clone(), family.parent.clone(), vec![], &measures, questions);
+            example.parent = parent.clone();
+            asked_about(&example)
+        };
+        let [detailed, compact] = [Questions::Detailed, Questions::Compact].map(in_form);
+        for (detailed, compact) in detailed.iter().zip(&compact) {
+            let [mut whole, mut told] = [detailed, compact].map(|request| PromptView::read(request).unwrap());
+            for view in [&mut whole, &mut told] {
+                view.contract.mechanism_slots.values_mut().for_each(|slot| slot.meaning.clear());
+            }
+            let role = format!("{} of {}", detailed.slot.role, contract.family);
+            let same = |what: &str, whole: &dyn Debug, told: &dyn Debug| {
+                assert_eq!(format!("{whole:#?}"), format!("{told:#?}"), "{what}: {role}");
+            };
+            same("contract", &whole.contract, &told.contract);
+            same("parent", &whole.program, &told.program);
+            same("parts", &whole.parts, &told.parts);
+            same("memory", &whole.memory, &told.memory);
+            same("target", &whole.asked, &told.asked);
+            same("patch", &whole.patch, &told.patch);
+            same("refused", &whole.refused, &told.refused);
+            same("reviews", &whole.reviews, &told.reviews);
+            same("identity", &whole.identity, &told.identity);
+            same("weakest", &whole.weakest().map(|(name, _)| name), &told.weakest().map(|(name, _)| name));
+            assert_eq!(whole.chains_are_one_level, told.chains_are_one_level, "{role}");
+            for (whole, told) in whole.history.iter().zip(&told.history) {
+                assert!(whole.has_tag("speed_mismatch") && told.has_tag("speed_mismatch"), "{told:?}");
+                let realism = [whole, told].map(|edit| edit.change.as_ref().unwrap().realism());
+                assert_eq!(realism[0], realism[1], "{role}");
+            }
+            assert_eq!(whole.history.len(), told.history.len());
+            assert_eq!(whole.clusters.len(), told.clusters.len());
+        }
+    }
+}
+
+/// Meanings that compact questions shorten are those of contracts, so that none outlives its contract.
+#[test]
+fn every_meaning_that_is_shortened_stands_in_a_contract_and_gets_shorter() {
+    let contracts: String =
+        families::registry().iter().map(|family| family.contract.to_prompt_json().to_string()).collect();
+    let mut lines = 0;
+    for line in include_str!("../agents/prompts/short_meanings.txt").lines() {
+        let (whole, short) = line.split_once(" => ").unwrap();
+        assert!(contracts.contains(&format!("\"meaning\":{}", json!(whole))), "{whole}");
+        assert!(!short.is_empty() && short.len() < whole.len(), "{line}");
+        lines += 1;
+    }
+    assert!(lines > 50, "{lines}");
+}
+
+/// A compact handbook marks every class of contact that counts, and knows all of them.
+#[test]
+fn a_compact_handbook_names_every_class_of_contact() {
+    let example = |questions| {
+        let family = families::registry().get(&FamilyName::new("cat")).unwrap().clone();
+        Example::in_form(family.contract, family.parent, vec![], &measures(false), questions)
+    };
+    let compact = example(Questions::Compact);
+    let text = compact.context().handbook.text().to_string();
+    for class in ContactClass::ALL {
+        assert!(text.contains(class.name()), "{}", class.name());
+    }
+    let whole = example(Questions::Detailed);
+    let counts = whole.context().handbook.text().split_once("Always count: ").unwrap().1.to_string();
+    let counts = counts.split_once(". Count").unwrap().0;
+    let marked = ContactClass::ALL.iter().filter(|class| text.contains(&format!("+{}", class.name())));
+    let marked: Vec<&str> = marked.map(|class| class.name()).collect();
+    assert!(!marked.is_empty());
+    assert_eq!(marked.iter().collect::<BTreeSet<_>>(), counts.split(", ").collect::<Vec<_>>().iter().collect());
+}
+
+#[test]
+fn prompts_of_cat_in_compact_form() {
+    let family = families::registry().get(&FamilyName::new("cat")).unwrap().clone();
+    let example = Example::in_form(family.contract, family.parent, vec![], &measures(false), Questions::Compact);
+    insta::assert_snapshot!("prompts_cat_compact", told(&asked_about(&example)));
+}
+
 /// What all roles share once, then what each is told besides.
 fn golden(family: &str) -> String {
-    let asked = asked(family);
+    told(&asked(family))
+}
+
+fn told(asked: &[Request]) -> String {
     let shared = asked[0].messages[..2].iter().map(|m| format!("[{}]\n{}\n", m.role, &*m.text)).collect::<String>();
     let own = asked.iter().map(|request| {
         let prompt = request.messages[2..].iter().map(|m| format!("[{}]\n{}\n", m.role, &*m.text)).collect::<String>();
@@ -111,7 +240,7 @@ fn the_examples_of_a_prompt_pass_the_gates_of_their_family() {
     let mut structural = 0;
     for family in registry.iter() {
         let (contract, parent) = (&family.contract, family.parent.adopted(&LineageId::new("a-lineage")));
-        let examples = examples(contract, &parent);
+        let examples = examples(contract, &parent, false);
         structural += usize::from(examples.works.is_some());
         for text in examples.works.iter().chain(&examples.rule) {
             let operations: Vec<Operation> = serde_json::from_str(text).unwrap();

@@ -7,6 +7,7 @@
 mod actor;
 mod attackers;
 mod check;
+mod compact;
 mod conditions;
 mod constants;
 mod contract;
@@ -15,6 +16,7 @@ mod edit;
 mod errors;
 mod evaluator;
 mod forms;
+mod names;
 mod reader;
 mod refusal;
 mod repair;

@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
+    compact,
     contract::{Contract, Kind},
     refusal::unanswerable,
 };
@@ -156,7 +157,10 @@ pub struct Review {
 
 impl PromptView {
     pub fn read(request: &Request) -> Result<PromptView, ModelError> {
-        let blocks: BTreeMap<String, Value> = request.messages.iter().flat_map(|m| blocks(&m.text)).collect();
+        let mut blocks: BTreeMap<String, Value> = request.messages.iter().flat_map(|m| blocks(&m.text)).collect();
+        if compact::is_compact(&blocks) {
+            compact::at_length(&mut blocks, &request.messages)?;
+        }
         let contract = Contract::read(&take::<String>(&blocks, "Family contract")?)?;
         let parts = whole(take(&blocks, "Parent program")?, &contract);
         Ok(PromptView {
@@ -302,17 +306,4 @@ pub fn take<T: DeserializeOwned>(blocks: &BTreeMap<String, Value>, title: &str) 
 
 fn typed<T: DeserializeOwned>(title: &str, value: &Value) -> Result<T, ModelError> {
     T::deserialize(value).map_err(|error| unanswerable(format!("the prompt's block `{title}`: {error}")))
-}
-
-/// Names that an expression reads: words that are neither functions nor key words.
-pub fn names_in(expression: &str) -> BTreeSet<&str> {
-    const KNOWN: [&str; 13] =
-        ["and", "or", "not", "true", "false", "if", "min", "max", "clamp", "abs", "sqrt", "exp", "log"];
-    words(expression).filter(|word| !KNOWN.contains(word)).collect()
-}
-
-/// The maximal runs of letters, digits and `_` that begin with no digit.
-pub fn words(text: &str) -> impl Iterator<Item = &str> {
-    let runs = text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
-    runs.filter(|run| run.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_'))
 }

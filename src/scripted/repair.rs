@@ -6,7 +6,8 @@ use super::{
     Draws, actor,
     check::{self, Finding, Fix},
     critics, edit,
-    reader::{PromptView, words},
+    names::words,
+    reader::PromptView,
     refusal::unanswerable,
     strategies,
 };

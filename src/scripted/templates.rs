@@ -8,7 +8,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::{
     Draws,
     errors::Rates,
-    reader::{blocks, take, words},
+    names::words,
+    reader::{blocks, take},
 };
 use crate::{
     kernel::num,

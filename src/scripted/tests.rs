@@ -7,10 +7,7 @@ use super::Scripted;
 use crate::{
     adapters::{Family, Registry},
     agents::{
-        AgentError, Briefing, End, Findings, Target, TargetKind, Task,
-        example::Example,
-        prompt,
-        prompt::{Subject, patch_text},
+        AgentError, Briefing, End, Findings, Target, TargetKind, Task, example::Example, prompt, prompt::Subject,
         propose, reply,
     },
     candidates::{Judging, Trials, admit},
@@ -181,7 +178,7 @@ fn without_declared_errors_no_reply_of_any_role_is_refused() {
     let (spec, mut replies) = (model(5, [0.0; 4]), 0);
     for stage in stages() {
         for slot in 0..30 {
-            let text = patch_text(&drafted(&stage, slot, &spec)).unwrap();
+            let text = stage.briefing.patch_text(&drafted(&stage, slot, &spec)).unwrap();
             let mut reviews = vec![];
             for role in Role::CRITICS {
                 let bytes = Scripted.complete(&asked(&stage, slot, &spec, role, 0, &review_of(&text))).unwrap().bytes;
@@ -229,7 +226,7 @@ fn reviews_of(stage: &Stage, patch: &ProgramPatch, slot: u32) -> Vec<Review> {
 
 fn reviews_by(spec: &ModelSpec, stage: &Stage, patch: &ProgramPatch, slot: u32) -> Vec<Review> {
     let one = |role| {
-        let text = patch_text(patch).unwrap();
+        let text = stage.briefing.patch_text(patch).unwrap();
         let subject = review_of(&text);
         let bytes = Scripted.complete(&asked(stage, slot, spec, role, 0, &subject)).unwrap().bytes;
         reply::review(&bytes, role).unwrap()
@@ -238,7 +235,7 @@ fn reviews_by(spec: &ModelSpec, stage: &Stage, patch: &ProgramPatch, slot: u32) 
 }
 
 fn repaired(stage: &Stage, patch: &ProgramPatch, reviews: &[Review], slot: u32) -> ProgramPatch {
-    let text = patch_text(patch).unwrap();
+    let text = stage.briefing.patch_text(patch).unwrap();
     let subject = Subject::Repair { patch: &text, reviews, findings: &Findings::default() };
     let bytes = Scripted.complete(&asked(stage, slot, &model(2, [0.0; 4]), Role::Repair, 1, &subject)).unwrap().bytes;
     reply::patch(&bytes, Role::Repair).unwrap()

@@ -8,7 +8,8 @@ use super::{
     contract::{Domain, Kind},
     edit,
     forms::{self, Mechanism, Purpose},
-    reader::{Node, Program, PromptView, names_in},
+    names::names_in,
+    reader::{Node, Program, PromptView},
 };
 use crate::kernel::{Stream, num};
 

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::window_rows::near_miss;
-use crate::agents::{Encounter, Moment, SceneRow};
+use crate::agents::{Encounter, Moment, Remark, SceneRow};
 use crate::backend::Backend;
 use crate::compiler::Decision;
 use crate::epoch::RunError;
@@ -161,45 +161,40 @@ fn moment(record: &RolloutRecord, relived: &Relived) -> Option<Moment> {
 }
 
 /// Who ran into whom, and since when the ego could see it coming.
-fn struck(record: &RolloutRecord) -> Vec<String> {
+fn struck(record: &RolloutRecord) -> Vec<Remark> {
     let Some(contact) = record.outcome.contact else { return Vec::new() };
     let who = match contact.striker {
-        Striker::Ego => "ego strikes",
-        Striker::Other => "it strikes",
-        Striker::Both => "both strike",
+        Striker::Ego => "ego",
+        Striker::Other => "it",
+        Striker::Both => "both",
     };
-    let seen = match contact.visible_s {
-        Some(seen_s) => format!("seen {seen_s:.1} s"),
-        None if contact.adversary => "not seen".into(),
-        None => String::new(),
-    };
-    [who.to_string(), seen].into_iter().filter(|remark| !remark.is_empty()).collect()
+    let seen = (contact.adversary || contact.visible_s.is_some()).then_some(Remark::Seen(contact.visible_s));
+    [Remark::Strikes(who)].into_iter().chain(seen).collect()
 }
 
-fn late(late_s: f64) -> Option<String> {
-    (late_s >= DT_S / 2.0).then(|| format!("{late_s:.1} s too late"))
+fn late(late_s: f64) -> Option<Remark> {
+    (late_s >= DT_S / 2.0).then_some(Remark::Late(late_s))
 }
 
 /// When the ego began to brake, and how hard it braked at most.
-fn braking(trace: &Trace) -> Option<String> {
+fn braking(trace: &Trace) -> Option<Remark> {
     let speeds: Vec<f64> = trace.ego.iter().map(Sample::speed_mps).collect();
     let decelerations: Vec<f64> = speeds.windows(2).map(|pair| (pair[0] - pair[1]) / DT_S).collect();
     // The last step may be cut short by a contact.
     let whole = &decelerations[..decelerations.len().saturating_sub(1)];
     let from = whole.iter().position(|hard| *hard > BRAKES_MPS2)?;
     let hardest = whole.iter().copied().fold(0.0, f64::max);
-    Some(format!("ego brakes {hardest:.1} from {:.1} s", from as f64 * DT_S))
+    Some(Remark::Brakes(hardest, from as f64 * DT_S))
 }
 
 /// Which candidate won among how many, adversary by adversary.
-fn chosen(decision: &Decision) -> Option<String> {
-    let of = decision.actors.iter().map(|actor| format!("{} of {}", actor.chosen + 1, actor.candidates));
-    let all = of.collect::<Vec<_>>().join(", ");
-    (!all.is_empty()).then(|| format!("took {all}"))
+fn chosen(decision: &Decision) -> Option<Remark> {
+    let of: Vec<_> = decision.actors.iter().map(|actor| (actor.chosen + 1, actor.candidates)).collect();
+    (!of.is_empty()).then_some(Remark::Took(of))
 }
 
 /// When the first law took over.
-fn law(relived: &Relived) -> Option<String> {
+fn law(relived: &Relived) -> Option<Remark> {
     let trace = &relived.trace;
     let mut lawful = false;
     let mut onset: Option<usize> = None;
@@ -215,10 +210,7 @@ fn law(relived: &Relived) -> Option<String> {
         let first = (0..trace.ego.len()).find(departed);
         onset = first.into_iter().chain(onset).min();
     }
-    lawful.then(|| match onset {
-        Some(k) => format!("law at {:.1} s", k as f64 * DT_S),
-        None => "law changed nothing".into(),
-    })
+    lawful.then(|| Remark::Law(onset.map(|k| k as f64 * DT_S)))
 }
 
 /// The rows that a question shows, each with what led to its outcome. `rows` are all of the window.

@@ -26,11 +26,12 @@ pub fn handbook(study: &Study, spec: &LineageSpec) -> Result<Handbook, RunError>
         },
         detail: (!study.questions.is_plain()).then(|| Detail {
             search: search_in_words(source.contract.family.as_str()).unwrap_or_default(),
-            around: around_search_in_words(source.contract.backend == "safebench"),
+            around: around_search_in_words(source.contract.backend == "safebench", study.questions.is_compact()),
             ego: match &spec.ego {
                 Policy::Learned(weights) => learned_in_words(weights.setting.name()),
                 ego => ego_in_words(ego.name()),
             },
+            compact: study.questions.is_compact(),
         }),
     };
     Ok(Handbook::of(&parts).map_err(AgentError::from)?)
@@ -149,7 +150,7 @@ mod tests {
             coverage_floor: 0.8,
             realism_min: 0.95,
         };
-        Measures { protocol, acceptance, rule: None, tradeoff: true, fixed_bodies: true }.text().unwrap()
+        Measures { protocol, acceptance, rule: None, tradeoff: true, fixed_bodies: true }.text(false).unwrap()
     }
 
     #[test]

@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::briefing::cluster_of;
-use crate::agents::{Change, PastEdit};
+use crate::agents::{Change, Numbers, PastEdit};
 use crate::archive::Archive;
 use crate::epoch::setting::study::Study;
 use crate::epoch::state::State;
@@ -118,7 +118,7 @@ pub fn not_shown(state: &State, lineage: &LineageId, shown: &[PastEdit]) -> Stri
 }
 
 /// What the acceptance compared, where it turned a child down; its comparison with the parent is the change.
-pub fn with_verdicts(state: &State, shown: &mut [PastEdit]) {
+pub fn with_verdicts(state: &State, shown: &mut [PastEdit], numbers: Numbers) {
     for edit in shown {
         let attempt = state.attempts.iter().find(|attempt| attempt.id == edit.attempt);
         let Some(decision) = attempt.and_then(|attempt| attempt.exit.decision()) else { continue };
@@ -126,10 +126,7 @@ pub fn with_verdicts(state: &State, shown: &mut [PastEdit]) {
         if gates.any() || gates.method.is_some() {
             continue;
         }
-        let with = |value: f64, error: Option<f64>| match error {
-            Some(error) => format!("{value:+.3} ± {error:.3}"),
-            None => format!("{value:+.3}"),
-        };
+        let with = |value: f64, error: Option<f64>| numbers.difference(value, error);
         let (area, push) = (&gates.densification, &gates.local_push);
         let mut says = vec![match area.non_dominated {
             true => format!("area {}", with(area.hypervolume_gain, area.uncertainty)),

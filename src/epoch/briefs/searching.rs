@@ -123,9 +123,16 @@ pub fn search_in_words(family: &str) -> Option<&'static str> {
 }
 
 /// What holds around the search of every family of a protocol: what predictions are of, what filters and choices do.
-/// `safebench`: whether the contract's backend is that one.
-pub fn around_search_in_words(safebench: bool) -> &'static str {
-    if safebench {
+/// `safebench`: whether the contract's backend is that one; `compact`: without what words and contract say.
+pub fn around_search_in_words(safebench: bool, compact: bool) -> &'static str {
+    if compact && !safebench {
+        "What expressions say of a candidate against the ego is predicted against the one path that it drove on the \
+         recorded scene, so it knows of no adversary: a predicted contact may be braked away, and a motion that is not \
+         predicted to meet it may. What temperature means hangs on the scale of the scores. Vehicles moved together \
+         take one iterate. Filters leave scores as they are; in front of a search that makes the motion itself they \
+         see only where it starts. `reshape` behind a search keeps the unchanged motion's score. A law is no part of \
+         any score or filter."
+    } else if safebench {
         "Every candidate is a whole scenario that was simulated once against the ego; its motion is what the scripted \
          road user did there, until the ego's first contact. Contact and nearness in the search's own score are of \
          that simulation, but features (`collision_likelihood`, `struck_by_ego`, `ego_distance_m_min`, ..) compare \

@@ -145,9 +145,9 @@ impl Measures {
                 values["counts"] = listed(counts).into();
                 values["reaction_s"] = (*reaction_s).into();
                 values["counts_if_avoidable"] = listed(counts_if_avoidable).into();
-                let first = diagnostics.first().map(|diagnostic| diagnostic.weight);
-                let alike = first.filter(|first| diagnostics.iter().all(|diagnostic| diagnostic.weight == *first));
-                values["weight"] = alike.into();
+                let (weight, others) = weights(diagnostics);
+                let alike = others.is_empty() && !diagnostics.is_empty();
+                values["weight"] = alike.then_some(weight).into();
                 values["diagnostics"] =
                     diagnostics.iter().map(|diagnostic| row(diagnostic, compact)).collect::<Vec<Value>>().into();
                 if !compact {
@@ -161,7 +161,6 @@ impl Measures {
                 let marks = [("`+` counts", counts), (&avoidable, counts_if_avoidable)];
                 let marks = marks.into_iter().filter(|(_, names)| when.is_none() && !names.is_empty());
                 values["marks"] = marks.map(|(mark, _)| mark).collect::<Vec<&str>>().join(", ").into();
-                let (weight, others) = weights(diagnostics);
                 (values["weight"], values["weights"]) = (weight.into(), others.join(", ").into());
                 fill("objectives_metadrive_compact.md", &values)
             }

@@ -280,3 +280,42 @@ pub(in crate::sim) mod samples {
         Drivable::of(Arc::new(Pieces::of(&Road { lanes: lanes.collect(), ..Road::default() })))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::scene::Road;
+    use crate::sim::scenes::lane;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+
+        // Lanes of recorded maps have pieces that are folded or bent inward, where a place may lie on the surface and to the right of
+        // an edge.
+        #[test]
+        fn a_piece_of_any_form_holds_what_the_walk_says_and_as_far_as_it_says(
+            corners in prop::collection::vec((-12..=12i32, -12..=12i32), 8..=24),
+            from in (-26..=26, -26..=26),
+            turn in 0..48,
+            hint in 0u32..6,
+        ) {
+            let place = |at: &(i32, i32)| Vec2::new(0.5 * f64::from(at.0), 0.5 * f64::from(at.1));
+            let lanes = corners.chunks_exact(4).map(|drawn| {
+                let mut lane = lane(Vec2::ZERO, Vec2::new(1.0, 0.0));
+                (lane.left, lane.right) = (drawn[..2].iter().map(place).collect(), drawn[2..].iter().map(place).collect());
+                lane
+            });
+            let road = Drivable::of(Arc::new(Pieces::of(&Road { lanes: lanes.collect(), ..Road::default() })));
+            let from = Vec2::new(0.25 * f64::from(from.0), 0.25 * f64::from(from.1));
+            let direction = Vec2::from_heading(f64::from(turn) * std::f64::consts::TAU / 48.0);
+            let held_m = road.holds_for_m(from, direction, &mut { hint });
+            prop_assert_eq!(held_m.is_some(), road.holds_by_walk(from));
+            for share in [0.25, 0.5, 1.0] {
+                let sure_m = share * held_m.unwrap_or(0.0);
+                prop_assert!(held_m.is_none() || road.holds_by_walk(from + direction * sure_m), "{sure_m} of {held_m:?} m");
+            }
+        }
+    }
+}

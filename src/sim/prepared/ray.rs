@@ -41,13 +41,8 @@ impl<'a> Ray<'a> {
 /// How far the road goes on from a place in a unit direction, metres, in steps of [`PROBE_M`]; 0 where the place is no road.
 /// `hint` is a piece near the place, and becomes one that holds it.
 pub(in crate::sim) fn room_m(road: &Drivable, from: Vec2, side: Vec2, hint: &mut u32) -> f64 {
-    let mut ray = Ray::new(road, from, side, *hint);
-    if ray.sure_m == 0.0 {
-        if !road.holds(from, hint) {
-            return 0.0;
-        }
-        ray = Ray::new(road, from, side, *hint);
-    }
+    let Some(sure_m) = road.holds_for_m(from, side, hint) else { return 0.0 };
+    let mut ray = Ray { road, from, direction: side, hint: *hint, sure_m };
     room_by_places_m(|at_m| ray.holds(at_m))
 }
 

@@ -4,14 +4,14 @@
 use std::sync::{Arc, OnceLock};
 
 use super::motions::Case;
-use super::{options, played};
+use super::{options, played, worlds};
 use evodrive::ego::Policy;
 use evodrive::evaluation::metrics::realism::realism;
 use evodrive::kernel::{Seed, Threads, Vec2};
 use evodrive::objects::replay::{Replayed, Suite};
 use evodrive::scene::{PreparedScene, Scene};
 use evodrive::sim::Action;
-use evodrive::synth::{self, SynthOptions, WorldKind};
+use evodrive::synth::WorldKind;
 
 /// A motion is caught where its diagnostic loses at least half.
 const CAUGHT: f64 = 0.5;
@@ -22,29 +22,15 @@ const SCENES: usize = 48;
 pub fn cases() -> &'static [Case] {
     static CASES: OnceLock<Vec<Case>> = OnceLock::new();
     CASES.get_or_init(|| {
-        let options = SynthOptions {
-            kinds: vec![
-                WorldKind::Straight,
-                WorldKind::Curve,
-                WorldKind::UnsignalledCrossing,
-                WorldKind::Merge,
-                WorldKind::LaneDrop,
-                WorldKind::Highway,
-            ],
-            steps: 91,
-            current_step: 10,
-            warm_up_s: 4.0,
-            tracks_per_scene: 14,
-            pedestrian_share: 0.0,
-            cyclist_share: 0.0,
-            ego_travel_m_min: 10.0,
-            interaction_time_s_max: 6.0,
-            interaction_gap_m_max: 30.0,
-            following_share: 1.0,
-            attempts_max: 20,
-        };
-        // A world that finds no interacting pair gives no scene.
-        let scenes = (0..SCENES).filter_map(|i| synth::pool_member(&options, Seed(11), i).ok());
+        let kinds = [
+            WorldKind::Straight,
+            WorldKind::Curve,
+            WorldKind::UnsignalledCrossing,
+            WorldKind::Merge,
+            WorldKind::LaneDrop,
+            WorldKind::Highway,
+        ];
+        let scenes = worlds(&kinds, 14, Seed(11), SCENES).into_iter();
         scenes.filter_map(Case::of).filter(lasts).collect()
     })
 }

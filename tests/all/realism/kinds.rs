@@ -1,7 +1,7 @@
 //! What no road user of a kind does costs realism where an experiment weighs it, and recorded traffic does none of it.
 
 use super::motions::Case;
-use super::{catalogue, options_of_kind};
+use super::{body_m, catalogue, options_of_kind};
 use crate::harness::shared;
 use evodrive::adapters::Family;
 use evodrive::candidates::{Judging, Trials, admit};
@@ -34,11 +34,7 @@ fn played(case: &Case, action: Action) -> Outcome {
 
 /// Somebody who is not recorded, far from everybody, for four seconds: where it is `t` seconds after it appears, and its heading.
 fn inserted(case: &Case, kind: AgentKind, at: impl Fn(f64) -> (Vec2, f64)) -> Action {
-    let (length_m, width_m) = match kind {
-        AgentKind::Vehicle => (4.6, 1.9),
-        AgentKind::Cyclist => (1.8, 0.6),
-        _ => (0.6, 0.6),
-    };
+    let (length_m, width_m) = body_m(kind);
     let sample = |k: usize| {
         let (t, dt) = (k as f64 * DT_S, 0.5 * DT_S);
         let (position, heading_rad) = at(t);

@@ -8,9 +8,39 @@ mod recorded;
 
 use evodrive::ego::Policy;
 use evodrive::evaluation::{Calibration, RealismOptions, Weights};
-use evodrive::scene::Scene;
+use evodrive::kernel::Seed;
+use evodrive::scene::{AgentKind, Scene};
 use evodrive::sim::{Action, Intervention, Outcome, Plant, rollout};
+use evodrive::synth::{self, SynthOptions, WorldKind};
 use std::path::Path;
+
+/// Generated scenes of these worlds, cars alone; a world that finds no interacting pair gives none.
+fn worlds(kinds: &[WorldKind], tracks_per_scene: usize, seed: Seed, scenes: usize) -> Vec<Scene> {
+    let options = SynthOptions {
+        kinds: kinds.to_vec(),
+        steps: 91,
+        current_step: 10,
+        warm_up_s: 4.0,
+        tracks_per_scene,
+        pedestrian_share: 0.0,
+        cyclist_share: 0.0,
+        ego_travel_m_min: 10.0,
+        interaction_time_s_max: 6.0,
+        interaction_gap_m_max: 30.0,
+        following_share: 1.0,
+        attempts_max: 20,
+    };
+    (0..scenes).filter_map(|i| synth::pool_member(&options, seed, i).ok()).collect()
+}
+
+/// Length and width of somebody who is inserted.
+fn body_m(kind: AgentKind) -> (f64, f64) {
+    match kind {
+        AgentKind::Vehicle => (4.6, 1.9),
+        AgentKind::Cyclist => (1.8, 0.6),
+        _ => (0.6, 0.6),
+    }
+}
 
 /// Equal weights and the calibration that the repository ships.
 pub fn options() -> RealismOptions {

@@ -1,6 +1,6 @@
 //! Who is where its kind does not belong loses realism where an experiment weighs that, and recorded traffic is not there.
 
-use super::{options_of_kind, options_of_place};
+use super::{body_m, options_of_kind, options_of_place, worlds};
 use crate::harness::shared;
 use evodrive::ego::Policy;
 use evodrive::evaluation::calibrate::moves;
@@ -10,7 +10,7 @@ use evodrive::formats::import_files;
 use evodrive::kernel::{Polyline, Seed, Vec2, num};
 use evodrive::scene::{AgentKind, DT_S, Lane, LaneGraph, LaneKind, PreparedScene, Sample, Scene, Track};
 use evodrive::sim::{Action, Intervention, OfPlace, Outcome, Plant, SimulatorOptions, WithRecording, rollout};
-use evodrive::synth::{self, SynthOptions, WorldKind};
+use evodrive::synth::WorldKind;
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
@@ -33,24 +33,6 @@ struct Place {
     at: Vec2,
     heading_rad: f64,
     lane: usize,
-}
-
-fn worlds(kinds: &[WorldKind]) -> Vec<Scene> {
-    let options = SynthOptions {
-        kinds: kinds.to_vec(),
-        steps: 91,
-        current_step: 10,
-        warm_up_s: 4.0,
-        tracks_per_scene: 8,
-        pedestrian_share: 0.0,
-        cyclist_share: 0.0,
-        ego_travel_m_min: 10.0,
-        interaction_time_s_max: 6.0,
-        interaction_gap_m_max: 30.0,
-        following_share: 1.0,
-        attempts_max: 20,
-    };
-    (0..SCENES).filter_map(|i| synth::pool_member(&options, Seed(13), i).ok()).collect()
 }
 
 /// The place on the lanes that `takes` names from which everybody stays farthest, where that is far enough.
@@ -76,7 +58,10 @@ fn lanes(kind: LaneKind) -> &'static [Place] {
     static PLACES: OnceLock<[Vec<Place>; 2]> = OnceLock::new();
     let both = PLACES.get_or_init(|| {
         let of = |kinds: &[WorldKind], kind: LaneKind| {
-            worlds(kinds).into_iter().filter_map(|scene| place(scene, |_, lane| lane.kind == kind)).collect()
+            worlds(kinds, 8, Seed(13), SCENES)
+                .into_iter()
+                .filter_map(|scene| place(scene, |_, lane| lane.kind == kind))
+                .collect()
         };
         [of(&MOTORWAYS, LaneKind::Freeway), of(&STREETS, LaneKind::Street)]
     });
@@ -88,7 +73,7 @@ fn divided() -> &'static [Place] {
     static PLACES: OnceLock<Vec<Place>> = OnceLock::new();
     PLACES.get_or_init(|| {
         let outer = |scene: &Scene, lane: &Lane| lane.right_neighbours.is_empty() && opposite(scene, lane).is_some();
-        let places = worlds(&STREETS).into_iter().filter_map(|scene| place(scene, outer));
+        let places = worlds(&STREETS, 8, Seed(13), SCENES).into_iter().filter_map(|scene| place(scene, outer));
         // Narrower than a car turns.
         let wide = places.filter(|place| half_across_m(place) >= 3.0);
         wide.map(|mut place| {
@@ -129,11 +114,7 @@ fn prepared(scene: &Scene) -> Plant {
 
 /// Somebody new: where it is `t` seconds after it appears. Its heading is that of its motion, or the lane's while it stands.
 fn played(place: &Place, kind: AgentKind, at: impl Fn(f64) -> Vec2) -> Outcome {
-    let (length_m, width_m) = match kind {
-        AgentKind::Vehicle => (4.6, 1.9),
-        AgentKind::Cyclist => (1.8, 0.6),
-        _ => (0.6, 0.6),
-    };
+    let (length_m, width_m) = body_m(kind);
     let sample = |k: usize| {
         let (t, dt) = (k as f64 * DT_S, 0.5 * DT_S);
         let velocity = (at(t + dt) - at(t - dt)) * (1.0 / (2.0 * dt));
@@ -313,7 +294,7 @@ fn who_follows_a_recording_that_goes_across_is_excused_as_far_as_the_recording_g
 fn a_car_that_crosses_the_median_of_a_generated_motorway_is_caught() {
     // Straight across to the lanes of the other carriageway, over a median of 6 m.
     let beside_it = |_: &Scene, lane: &Lane| lane.left_neighbours.is_empty() && !lane.right_neighbours.is_empty();
-    let highways = worlds(&[WorldKind::Highway]);
+    let highways = worlds(&[WorldKind::Highway], 8, Seed(13), SCENES);
     let places: Vec<Place> = highways.into_iter().filter_map(|scene| place(scene, beside_it)).collect();
     let goes =
         |place: &Place| played(place, AgentKind::Vehicle, |t| place.at + ahead(place).left() * (7.0 * t.max(0.0)));
@@ -426,7 +407,7 @@ fn recorded_traffic_is_where_it_belongs() {
 #[test]
 fn generated_traffic_of_every_world_is_where_it_belongs() {
     let kinds = WorldKind::ALL;
-    let rows = lost(&worlds(&kinds));
+    let rows = lost(&worlds(&kinds, 8, Seed(13), SCENES));
     println!("{rows:?}");
     let row = rows[&AgentKind::Vehicle];
     assert!(row.0 > 100 && row.1 == 0, "they turn at junctions, merge and change lanes: {row:?}");

@@ -5,8 +5,6 @@ use std::path::{Path, PathBuf};
 
 #[path = "architecture/circles.rs"]
 mod circles;
-#[path = "architecture/locks.rs"]
-mod locks;
 
 /// Room -> rooms it may import. A row names only rooms that stand above it, so there can be no circles.
 const TABLE: &[(&str, &str)] = &[

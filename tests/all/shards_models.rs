@@ -1,10 +1,11 @@
 //! Studies that are recorded by shards with a program as their model: asked by the workers where it says what has to travel, else by the plan.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use evodrive::llm::Cassette;
 
-use crate::harness::{Ran, evodrive, folder_below};
+use crate::harness::{Ran, copy_dir, evodrive, folder_below};
 use crate::own_ego::python;
 use crate::shards_lineage::{Plain, small};
 
@@ -34,24 +35,29 @@ with open(log, "a") as said:
 sys.stdout.write(json.load(open(os.path.join(here, "answers.json")))[key])
 "#;
 
+/// The small study and what the stand-in answers in it, as the program finds it.
+fn answers() -> &'static str {
+    static ANSWERS: OnceLock<String> = OnceLock::new();
+    ANSWERS.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        Plain::record(&small(folder.path(), ""), &folder.path().join("stand-in"));
+        let answers = Cassette::load(&folder.path().join("apart.jsonl")).unwrap();
+        let of = |recorded: &evodrive::llm::Recorded| {
+            let slot = &recorded.slot;
+            let mut key = format!("{}\n{}\n{}\n{}\n{}", slot.lineage, slot.epoch, slot.slot, slot.role, slot.round);
+            recorded.messages.iter().for_each(|(_, text)| key += &format!("\n{text}"));
+            (key, String::from_utf8(recorded.bytes.clone()).unwrap().into())
+        };
+        let table: serde_json::Map<String, serde_json::Value> = answers.exchanges().iter().map(of).collect();
+        serde_json::Value::from(table).to_string()
+    })
+}
+
 /// The small study with a program as actor and repair, which answers as the stand-in would; `command` is that model's.
 fn study(command: impl Fn(&Path) -> String) -> Plain {
     let folder = tempfile::tempdir().unwrap();
-    let stand_in = small(folder.path(), "");
-    Plain::record(&stand_in, &folder.path().join("stand-in"));
-    let cassette = folder.path().join("apart.jsonl");
-    let answers = Cassette::load(&cassette).unwrap();
-    let of = |recorded: &evodrive::llm::Recorded| {
-        let slot = &recorded.slot;
-        let mut key = format!("{}\n{}\n{}\n{}\n{}", slot.lineage, slot.epoch, slot.slot, slot.role, slot.round);
-        recorded.messages.iter().for_each(|(_, text)| key += &format!("\n{text}"));
-        (key, String::from_utf8(recorded.bytes.clone()).unwrap().into())
-    };
-    let table: serde_json::Map<String, serde_json::Value> = answers.exchanges().iter().map(of).collect();
-    std::fs::write(folder.path().join("answers.json"), serde_json::Value::from(table).to_string()).unwrap();
+    std::fs::write(folder.path().join("answers.json"), answers()).unwrap();
     std::fs::write(folder.path().join("answer.py"), ANSWER).unwrap();
-    std::fs::remove_file(&cassette).unwrap();
-    std::fs::remove_dir_all(folder.path().join("stand-in")).unwrap();
     let more = format!(
         "[roles]\nactor = \"mine\"\nrepair = \"mine\"\n[models.mine]\nkind = \"command\"\nmodel = \"mine-1\"\nprovenance = \"a table\"\n\
          [models.mine.command]\ntimeout_s = 60\n{}\n",
@@ -62,9 +68,16 @@ fn study(command: impl Fn(&Path) -> String) -> Plain {
     Plain { folder, experiment, root }
 }
 
-/// The program with what of it travels.
-fn travelling(_: &Path) -> String {
-    "program = [\"python3\", \"answer.py\"]\nfiles = [\"answer.py\", \"answers.json\"]".into()
+/// A copy of the study whose program travels, which is recorded once.
+fn travelling() -> Plain {
+    static STUDY: OnceLock<Plain> = OnceLock::new();
+    let recorded = STUDY.get_or_init(|| {
+        study(|_| "program = [\"python3\", \"answer.py\"]\nfiles = [\"answer.py\", \"answers.json\"]".into())
+    });
+    let folder = tempfile::tempdir().unwrap();
+    copy_dir(recorded.folder.path(), folder.path());
+    let experiment = folder.path().join(recorded.experiment.file_name().unwrap());
+    Plain { folder, experiment, root: recorded.root.clone() }
 }
 
 /// Takes the recording's cassette away: its bytes, and how many questions it took.
@@ -81,7 +94,7 @@ fn a_program_that_travels_is_asked_by_the_workers_in_a_round_an_epoch() {
     if !python() {
         return;
     }
-    let study = study(travelling);
+    let study = travelling();
     let (answers, questions) = forgotten(&study);
     assert!(questions > 20, "{questions}");
     assert_eq!(study.rounds(&["--record"]), 3);
@@ -127,7 +140,7 @@ fn a_machine_without_the_program_says_so() {
     if !python() {
         return;
     }
-    let study = study(travelling);
+    let study = travelling();
     forgotten(&study);
     let (run, shard) = first_shard(&study);
     let ran = Ran::of(work(&run, &shard).env("PATH", ""));
@@ -148,7 +161,7 @@ fn what_a_worker_was_answered_before_it_failed_is_not_asked_again() {
     if !python() {
         return;
     }
-    let study = study(travelling);
+    let study = travelling();
     forgotten(&study);
     let (run, shard) = first_shard(&study);
     let (log, limit) = (run.join("planner/asked.log"), run.join("planner/limit"));

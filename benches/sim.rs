@@ -3,11 +3,8 @@
 
 use divan::{Bencher, counter::ItemsCount};
 use evodrive::scene::PreparedScene;
+use evodrive::sim::scenes;
 use evodrive::{ego, kernel, scene, sim};
-
-#[allow(dead_code)]
-#[path = "../tests/all/scenes.rs"]
-mod scenes;
 
 fn main() {
     divan::main();

@@ -100,6 +100,8 @@ pub use evodrive_io::{agents, bundle, draw, evidence, formats, llm, scripted};
 pub use evodrive_conduct::{epoch, experiment, shard, suite};
 
 pub mod cli;
+#[cfg(feature = "live")]
+pub mod live;
 
 // Compiles and runs the programs of the page with `cargo test --doc`.
 #[cfg(doctest)]

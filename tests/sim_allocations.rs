@@ -9,11 +9,8 @@ use std::cell::Cell;
 
 use evodrive::kernel::formula::Op;
 use evodrive::scene::PreparedScene;
+use evodrive::sim::scenes;
 use evodrive::{ego, kernel, scene, sim};
-
-#[allow(dead_code)]
-#[path = "all/scenes.rs"]
-mod scenes;
 
 struct Counting;
 

@@ -1,13 +1,11 @@
-//! Asking a model: request, replay, record, cassette, models behind a folder or a program, and behind the network under the
-//! feature `live`.
+//! Asking a model: request, replay, record, cassette, models behind a folder or a program. Who is asked over the network is in the
+//! room `live`.
 
 pub mod addressed;
 pub mod cassette;
 pub mod client;
 pub mod command;
 pub mod exchange;
-#[cfg(feature = "live")]
-pub mod live;
 pub mod model;
 pub mod record;
 pub mod replay;

@@ -6,7 +6,7 @@ use super::client::SCRIPTED;
 use super::reply::{Refusal, json_object};
 
 /// The byte order mark of UTF-8.
-pub(super) const MARK: &[u8] = b"\xef\xbb\xbf";
+pub const MARK: &[u8] = b"\xef\xbb\xbf";
 /// What ends an answer inside a model, where its server lets it through.
 const END_TOKENS: [&str; 10] = [
     "<|im_end|>",

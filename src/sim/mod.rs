@@ -30,6 +30,4 @@ pub use rollouts::{
 pub const SIM_VERSION: u32 = 3;
 
 #[cfg(any(test, feature = "fixtures"))]
-#[allow(dead_code)]
-#[path = "../../tests/all/scenes.rs"]
 pub mod scenes;

@@ -19,7 +19,7 @@ use evodrive::stage::foreseen::{Whose, foreseen, harm};
 use evodrive::stage::judged::{Judged, Needs, feature, features};
 use evodrive::synth::WorldKind;
 
-use crate::scenes::{car, sample, straight, straight_road};
+use crate::sim::scenes::{car, sample, straight, straight_road};
 use crate::worlds;
 
 /// Three held-out scenes of every kind of world: the studies' own begin at other seeds.

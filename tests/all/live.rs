@@ -3,7 +3,7 @@
 #![allow(clippy::disallowed_methods)]
 
 use crate::harness::{self, Ran};
-use evodrive::llm::live::{Ledger, Live, Outside, RESPONSE_BYTES_MAX, Secret, Tokens, draw_seed};
+use evodrive::live::{Ledger, Live, Outside, RESPONSE_BYTES_MAX, Secret, Tokens, draw_seed};
 use evodrive::llm::{
     Cassette, ClientOptions, Completion, DrawSlot, IncompleteReplies, Message, Model, ModelError, ModelSpec, Request,
     ResponseFormat, Schema, SpendCap,

@@ -58,7 +58,6 @@ mod scene_export;
 mod scene_opendrive;
 mod scene_safebench;
 mod scene_scenarionet;
-mod scenes;
 mod shards;
 mod shards_lineage;
 mod shards_models;

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::backends::experiment;
 use crate::harness::{Ran, evodrive, run};
-use crate::scenes::{car, sample, straight, straight_road};
+use crate::sim::scenes::{car, sample, straight, straight_road};
 
 /// The binary in a folder.
 fn at(folder: &Path, args: &[&str]) -> Ran {

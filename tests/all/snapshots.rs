@@ -1,6 +1,6 @@
 //! Snapshots of what people and models read: the prompts of every role, the messages of typical mistakes, the data of a
 //! report. A mismatch leaves a `.snap.new` beside the snapshot; look at it, then bless it with
-//! `INSTA_UPDATE=always cargo test --test all snapshots` and say in the commit why it moved. `.ci/run` writes none.
+//! `INSTA_UPDATE=always cargo test --release --test all snapshots` and say in the commit why it moved. `.ci/run` writes none.
 
 use evodrive::llm::Cassette;
 use std::collections::BTreeSet;

@@ -3,8 +3,8 @@
 use crate::ego::Setting;
 use crate::kernel::{Digest, Threads};
 use crate::learn::{CheckpointError, Grounds, Lesson, Reward, SacOptions, Training, TrainingOptions};
-use crate::scenes::{car, crossing, sample, straight, straight_road};
 use crate::sim::Plant;
+use crate::sim::scenes::{car, crossing, sample, straight, straight_road};
 
 fn options() -> TrainingOptions {
     TrainingOptions {

@@ -20,7 +20,7 @@ const ALLOWED: &[(&str, &str)] = &[
     ),
     ("llm llm/record llm/replay", "who may be asked, and those who answer"),
     ("llm/client llm/request", "a request and its client"),
-    ("llm/live/anthropic llm/live/openai llm/live/protocol llm/live/spend", "a protocol and those who speak it"),
+    ("live/anthropic live/openai live/protocol live/spend", "a protocol and those who speak it"),
     ("objects/expr/lex objects/expr/parse objects/expr/tree", "a tree, and the parser that makes it"),
     ("synth/network synth/node", "a network, and the nodes that are made of it"),
 ];

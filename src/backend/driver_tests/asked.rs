@@ -147,7 +147,7 @@ fn a_planner_that_is_not_blind_is_told_the_program_and_its_rollouts_are_kept_apa
 
 #[test]
 fn steps_hold_the_observation_that_is_asked_for_and_an_action_by_it_drives_as_the_network_within() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../policies");
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies");
     for (name, setting) in [("sac-metadrive", Setting::Metadrive1), ("sac-metadrive-2", Setting::Metadrive1)] {
         let bytes = std::fs::read(file.join(name).with_extension("safetensors")).unwrap();
         let weights = Weights::from_bytes(&bytes).unwrap();

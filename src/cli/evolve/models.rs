@@ -125,7 +125,7 @@ fn connected(
     folder: &RunFolder,
     interrupt: &Interrupt,
 ) -> Result<BTreeMap<String, Box<dyn Model>>, Failure> {
-    use crate::llm::live::{Ledger, Live, Outside};
+    use crate::live::{Ledger, Live, Outside};
     let cap = experiment.spend.ok_or_else(|| Failure::bad_input("a live model needs a table [spend]"))?;
     let prices = live.iter().map(|(name, _, client)| (*name, *client));
     let ledger = Arc::new(Ledger::open(folder.spend(), cap, prices).map_err(Failure::bad_input)?);
@@ -174,10 +174,10 @@ fn since_1970() -> Duration {
 /// The key in an environment variable. The variable's name is not repeated: somebody may have put the key in its place.
 #[cfg(feature = "live")]
 #[allow(clippy::disallowed_methods)]
-fn key_in(model: &str, variable: &str) -> Result<crate::llm::live::Secret, Failure> {
+fn key_in(model: &str, variable: &str) -> Result<crate::live::Secret, Failure> {
     let bad = |problem: &str| {
         Failure::bad_input(format!("the environment variable that models.{model}.client.api_key_env names {problem}"))
     };
     let text = std::env::var(variable).map_err(|_| bad("is not set; set it to the api key"))?;
-    crate::llm::live::Secret::new(&text).map_err(|problem| bad(&problem))
+    crate::live::Secret::new(&text).map_err(|problem| bad(&problem))
 }

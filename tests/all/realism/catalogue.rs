@@ -186,7 +186,7 @@ fn played_without_a_program(scenes: impl IntoIterator<Item = Scene>, ego: &Polic
 
 #[test]
 fn one_contact_in_four_untouched_scenes_is_a_contact_rate_of_a_quarter() {
-    use crate::scenes::{car, sample, straight, straight_road};
+    use crate::sim::scenes::{car, sample, straight, straight_road};
     let scene = |x_m: f64| straight_road(91, 8.0, vec![car("stands", straight(sample(x_m, 0.0, 0.0, 0.0), 91))]);
     // The ego drives 72 m and cannot see, so it runs into the one that stands 40 m ahead.
     let row = played_without_a_program([200.0, 40.0, 200.0, 200.0].map(scene), &Policy::Replay).unwrap().row;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::contacts::*;
 use crate::kernel::Vec2;
 use crate::scene::{AgentKind, PreparedScene, Sample, Scene};
-use crate::scenes::*;
+use crate::sim::scenes::*;
 use crate::sim::*;
 
 const BLIND: Blind = Blind { steering_rad: 0.0 };

@@ -2,7 +2,7 @@
 
 use crate::kernel::{Vec2, num};
 use crate::scene::{Sample, Scene};
-use crate::scenes::*;
+use crate::sim::scenes::*;
 use crate::sim::*;
 
 /// Holds its speed and steering, whatever comes.

@@ -4,7 +4,7 @@ use crate::ego::Policy;
 use crate::kernel::{Pose, Vec2, num};
 use crate::scene::safebench::{Staging, TrafficFamily};
 use crate::scene::{Light, LightState, Sample, Scene, StopSign};
-use crate::scenes::*;
+use crate::sim::scenes::*;
 use crate::sim::*;
 
 /// A road along x whose lane is 4 m wide; the ego's log lies at `y(k)` and goes 1 m a step.

@@ -5,7 +5,7 @@ use crate::ego::observation::ACTION;
 use crate::ego::{Policy, PolicyError, Setting, Weights};
 use crate::kernel::{Seed, Vec2};
 use crate::scene::{Light, LightState, Scene};
-use crate::scenes::*;
+use crate::sim::scenes::*;
 use crate::sim::*;
 
 #[test]

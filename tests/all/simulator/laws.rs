@@ -3,17 +3,17 @@
 use crate::ego::Policy;
 use crate::kernel::{OrientedBox, Seed, Vec2, num};
 use crate::scene::Sample;
-use crate::scenes::*;
 use crate::sim::bicycle::{Car, CorneringLoss, DEFAULT_LIMITS, Limits};
 use crate::sim::body::SUBSTEPS;
 use crate::sim::idm::{self, Front};
+use crate::sim::scenes::*;
 use crate::sim::*;
 
-/// Random box pairs to try: a million on demand or in a release build, fewer otherwise.
+/// Random box pairs to try; more on demand.
 #[allow(clippy::disallowed_methods)]
 fn pairs() -> usize {
     let asked = std::env::var("EVODRIVE_BOX_PAIRS").ok().and_then(|n| n.parse().ok());
-    asked.unwrap_or(if cfg!(debug_assertions) { 100_000 } else { 1_000_000 })
+    asked.unwrap_or(100_000)
 }
 
 #[test]

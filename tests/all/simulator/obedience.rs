@@ -7,7 +7,7 @@ use evodrive::objects::expr::{Expr, Scope};
 
 use crate::ego::Policy;
 use crate::scene::{Sample, Scene};
-use crate::scenes::*;
+use crate::sim::scenes::*;
 use crate::sim::*;
 
 fn formula(text: &str) -> Formula {

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use crate::ego::Policy;
 use crate::kernel::{Vec2, num};
 use crate::scene::{AgentKind, PreparedScene, Scene};
-use crate::scenes::*;
 use crate::sim::bicycle::{Car, DEFAULT_LIMITS, Limits};
 use crate::sim::body::SUBSTEPS;
+use crate::sim::scenes::*;
 use crate::sim::*;
 
 fn physical() -> SimulatorOptions {

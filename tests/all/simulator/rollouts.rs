@@ -3,7 +3,7 @@
 use crate::ego::Policy;
 use crate::kernel::Vec2;
 use crate::scene::{AgentKind, Sample};
-use crate::scenes::*;
+use crate::sim::scenes::*;
 use crate::sim::*;
 
 fn run(scene: &crate::scene::Scene, intervention: &Intervention, policy: Policy) -> Outcome {

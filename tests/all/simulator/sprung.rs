@@ -6,7 +6,7 @@ use super::plant::metadrive;
 use crate::ego::Policy;
 use crate::kernel::{Vec2, num};
 use crate::scene::{AgentKind, PreparedScene, Scene};
-use crate::scenes::*;
+use crate::sim::scenes::*;
 use crate::sim::*;
 
 /// A drive in MetaDrive: speed at its start, steering and pedal at each decision, and after every fifth decision the place ahead of and to the

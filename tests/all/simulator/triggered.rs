@@ -3,7 +3,7 @@
 use crate::ego::Policy;
 use crate::kernel::{Pose, Vec2, num};
 use crate::scene::AgentKind;
-use crate::scenes::*;
+use crate::sim::scenes::*;
 use crate::sim::*;
 
 fn script(kind: AgentKind, x: f64, y: f64, heading_rad: f64, phases: Vec<Phase>) -> Script {

@@ -3,7 +3,7 @@
 use crate::ego::Policy;
 use crate::kernel::{Pose, Threads, Vec2, num};
 use crate::scene::{Sample, Scene};
-use crate::scenes::*;
+use crate::sim::scenes::*;
 use crate::sim::*;
 
 /// A change of frame.

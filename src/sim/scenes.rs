@@ -1,8 +1,8 @@
 //! Scenes built by hand or by a few draws, for tests and benchmarks of the simulator.
 
+use super::{Action, Intervention};
 use crate::kernel::{Seed, Stream, Vec2, num};
 use crate::scene::{AgentKind, Ego, Lane, LaneKind, Origin, Road, Sample, Scene, Track};
-use crate::sim::{Action, Intervention};
 
 /// A sample at a place with a heading and a speed along it.
 pub fn sample(x: f64, y: f64, heading_rad: f64, speed_mps: f64) -> Sample {

@@ -48,7 +48,7 @@ impl Lost {
 impl Http {
     pub fn new(url: &str, headers: Vec<Header>, timeout_s: u64) -> Result<Http, String> {
         url.parse::<ureq::http::Uri>().map_err(|error| format!("base_url is not an address: {error}"))?;
-        let here = url.split_once("://").is_some_and(|(_, rest)| super::client::is_loopback(rest));
+        let here = url.split_once("://").is_some_and(|(_, rest)| crate::llm::client::is_loopback(rest));
         let config = ureq::Agent::config_builder()
             .timeout_global(Some(Duration::from_secs(timeout_s)))
             .http_status_as_error(false)

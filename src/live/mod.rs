@@ -1,5 +1,7 @@
 //! A client for real models: one blocking HTTP request for each answer, with bounded retries and a spend cap. It is the
 //! only code that uses the network, and only under the cargo feature `live`.
+//! It is a part of the crate of the commands: those below are the same with and without it, so that tests, which are built with all
+//! features, and the program share them.
 
 mod anthropic;
 mod heard;
@@ -21,7 +23,7 @@ pub use protocol::draw_seed;
 pub use secret::Secret;
 pub use spend::{Ledger, Tokens};
 
-use super::{
+use crate::llm::{
     ClientOptions, Completion, IncompleteReplies, Metadata, Model, ModelError, Request, ResponseFormat, client,
 };
 use heard::{Heard, heard};

@@ -4,7 +4,7 @@
 use divan::{Bencher, counter::ItemsCount};
 use evodrive::scene::PreparedScene;
 use evodrive::sim::scenes;
-use evodrive::{ego, kernel, scene, sim};
+use evodrive::{ego, sim};
 
 fn main() {
     divan::main();

@@ -40,7 +40,7 @@ pub fn copied(to: &Path) -> PathBuf {
 }
 
 #[test]
-fn the_debug_build_reaches_the_golden_root_and_reaches_it_again_from_its_folder() {
+fn a_run_is_checked_from_its_folder_and_reaches_the_golden_root_again() {
     let dir = tempfile::tempdir().unwrap();
     let folder = copied(dir.path());
     let again = run(&["check", folder.to_str().unwrap(), "--jobs", "1"]);

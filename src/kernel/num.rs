@@ -173,6 +173,13 @@ mod tests {
     use super::*;
 
     #[test]
+    #[should_panic(expected = "overflow")]
+    fn a_sum_that_overflows_is_an_error_where_the_engine_is_tested() {
+        let most = std::hint::black_box(u64::MAX);
+        std::hint::black_box(most + 1);
+    }
+
+    #[test]
     fn a_sigmoid_that_is_one_is_so_to_the_bit_without_an_exponential() {
         for x in [36.0, 36.5, 37.0, 37.000_000_1, 37.5, 40.0, 700.0, 800.0, f64::INFINITY, f64::NAN, -40.0] {
             assert_eq!(sigmoid(x).to_bits(), (1.0 / (1.0 + exp(-x))).to_bits(), "{x}");

@@ -180,6 +180,12 @@ def root_of(text):
     return lines[-1] if lines else None
 
 
+def end_of(log):
+    """What the drivers said last: the folder of their log need not outlive this check."""
+    said = Path(log.name).read_text(errors="replace").splitlines()
+    return "\n".join([log.name, *said[-30:]])
+
+
 def study_with_kills(options, cluster, experiment, out, left, rng, log):
     """One study on the cluster, whose parts are killed meanwhile: its root, and what was killed."""
     words, more = cluster.command()
@@ -211,7 +217,7 @@ def study_with_kills(options, cluster, experiment, out, left, rng, log):
             due = time.monotonic() + rng.expovariate(1 / options.every)
     said = driver.stdout.read()
     if driver.returncode != 0:
-        sys.exit(f"the driver ended with {driver.returncode} after {dict(killed)}; its log: {log.name}")
+        sys.exit(f"the driver ended with {driver.returncode} after {dict(killed)}: {end_of(log)}")
     return root_of(said), killed
 
 
@@ -232,7 +238,7 @@ def harmed(options, cluster, experiment, out, log):
                             "--size", "8", "--audit", "1", *more], stdout=subprocess.PIPE, stderr=log, text=True, check=False,
                            env={**cluster.environment, "PYTHONPATH": str(HERE)})
     if ended.returncode != 0:
-        sys.exit(f"the driver of the harmed study ended with {ended.returncode}; its log: {log.name}")
+        sys.exit(f"the driver of the harmed study ended with {ended.returncode}: {end_of(log)}")
     refused = len(list((run / "shards/refused").iterdir()))
     # The first one comes once more.
     twice = out.parent / "twice"
@@ -281,7 +287,7 @@ def main():
                                             rng, log)
                 killed += of
                 if root != plain:
-                    sys.exit(f"study {studies} ended in {root}, the plain run in {plain}; its log: {log.name}")
+                    sys.exit(f"study {studies} ended in {root}, the plain run in {plain}: {end_of(log)}")
                 if not of and studies > 50:
                     sys.exit("fifty studies ended before anything was killed: lower --every")
             refused = 0

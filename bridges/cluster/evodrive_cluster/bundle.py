@@ -51,7 +51,14 @@ def unpacked(digest, fetch):
     files = fetch()
     if digest_of(files) != digest:
         raise ValueError(f"the files that came have the digest {digest_of(files)}, expected {digest}")
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{digest}.") as part:
+    write_whole_folder(folder, files)
+    return folder
+
+
+def write_whole_folder(folder, files):
+    """A folder with these files is there whole or not at all, whenever the writer is killed."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as part:
         whole = Path(part) / "whole"
         for name, content in files.items():
             path = whole / name
@@ -61,7 +68,6 @@ def unpacked(digest, fetch):
         try:
             whole.rename(folder)
         except OSError:
-            # Another task of this machine was faster.
+            # Another process was faster.
             if not folder.is_dir():
                 raise
-    return folder

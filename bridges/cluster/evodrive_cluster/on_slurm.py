@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from .bundle import digest_of, mode
+from .bundle import digest_of, write_whole_folder
 from .conduct import Event, Stopped, carry_out, parsed, resumed
 from .work import LACKING, LOCKED
 
@@ -44,12 +44,8 @@ class Slurm:
         self.options, self.logs = options, shards / "logs"
         self.jobs = shards / "jobs"
         self.bundle = shards / "travel" / digest_of(files)
-        for name, content in files.items():
-            path = self.bundle / name
-            if not path.exists():
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(content)
-                path.chmod(mode(name))
+        if not self.bundle.is_dir():
+            write_whole_folder(self.bundle, files)
         self.waiting, self.under_way, self.gone_since = [], {}, {}
         self.numbers = itertools.count()
         self.end_others()

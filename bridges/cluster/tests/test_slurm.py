@@ -1,6 +1,7 @@
 """evodrive-slurm before the stand-in for Slurm (tests/standin), with a script in place of evodrive. pytest."""
 
 import os
+import signal
 import sys
 from argparse import Namespace
 from pathlib import Path
@@ -45,8 +46,13 @@ def crew(cluster, script, workers):
     command = cluster / "evodrive"
     command.write_text(script)
     command.chmod(0o700)
-    options = Namespace(workers=workers, cpus=1, array_max=1000, patience=5.0, sbatch=[], installed=str(command), open=None)
-    return Slurm(options, {"experiment.toml": b""}, cluster / "shards")
+    return slurm(cluster, {"experiment.toml": b""}, workers=workers, installed=str(command))
+
+
+def slurm(cluster, files, workers=None, installed=None):
+    """evodrive-slurm's crew, with what travels."""
+    options = Namespace(workers=workers, cpus=1, array_max=1000, patience=5.0, sbatch=[], installed=installed, open=None)
+    return Slurm(options, files, cluster / "shards")
 
 
 def shards(cluster, count):
@@ -120,3 +126,32 @@ def test_a_program_that_is_not_there_is_named_with_what_helps(tmp_path):
     with pytest.raises(Failed) as failed:
         Evodrive([str(tmp_path / "evodrive")]).json("shard", "plan", "study.toml")
     assert str(tmp_path / "evodrive") in failed.value.said and "cargo build --release" in failed.value.said
+
+
+@pytest.mark.parametrize("done", [0, 1, 2, 3])
+def test_a_driver_killed_while_it_writes_the_bundle_leaves_none_that_is_half(cluster, monkeypatch, done):
+    files = {"evodrive": b"\x7fELF" * 1000, "experiment.toml": b"name", "planner/main.py": b"print()"}
+    if child := os.fork():
+        _, status = os.waitpid(child, 0)
+        assert os.waitstatus_to_exitcode(status) == -signal.SIGKILL
+    else:
+        # Killed within the write of the last file that is begun: half of it is there, and nobody may run it yet.
+        write, begun = Path.write_bytes, []
+
+        def killed(path, content):
+            begun.append(path)
+            if len(begun) > done:
+                write(path, content[:len(content) // 2])
+                os.kill(os.getpid(), signal.SIGKILL)
+            write(path, content)
+            if len(begun) == len(files):
+                os.kill(os.getpid(), signal.SIGKILL)
+
+        monkeypatch.setattr(Path, "write_bytes", killed)
+        try:
+            slurm(cluster, files)
+        finally:
+            os._exit(1)
+    bundle = slurm(cluster, files).bundle
+    assert {str(path.relative_to(bundle)): path.read_bytes() for path in bundle.rglob("*") if path.is_file()} == files
+    assert os.access(bundle / "evodrive", os.X_OK) and os.access(bundle / "planner/main.py", os.X_OK)

@@ -42,3 +42,38 @@ fn a_piece_that_was_damaged_is_blessed_alone_and_only_of_the_runs_of_the_goldens
     assert!(both.code == 2 && both.stderr.contains("one of the two"), "{}", both.stderr);
     assert_eq!(run(&["paper", "--check", "--bless"]).code, 2);
 }
+
+#[test]
+fn numbers_of_another_check_s_golden_are_missed_where_they_are_outdated_and_blessed_alone() {
+    let dir = tempfile::tempdir().unwrap();
+    let (golden, text) = (dir.path().join("golden"), dir.path().join("paper"));
+    for of in ["paper", "readings"] {
+        copy_dir(&home().join("golden").join(of), &golden.join(of));
+    }
+    // No piece, so that nothing is drawn here.
+    std::fs::create_dir(&text).unwrap();
+    let plan = "[[numbers]]\nname = \"published-sac-gains\"\ngolden = \"readings/published-sac-gains.md\"\n";
+    let page = "\\documentclass{article}\n\\begin{document}\nNothing.\n\\end{document}\n";
+    for (name, content) in [("plan.toml", format!("run = []\npiece = []\n{plan}")), ("evodrive.tex", page.into())] {
+        std::fs::write(text.join(name), content).unwrap();
+    }
+    let paper = |words: &[&str]| {
+        run(&[&["paper", "--golden", golden.to_str().unwrap(), "--paper", text.to_str().unwrap()], words].concat())
+    };
+    let file = |name: &str| golden.join("paper").join(name);
+    let read = || ["numbers.tex", "provenance.toml"].map(|name| std::fs::read(file(name)).unwrap());
+    let before = read();
+    let numbers = String::from_utf8(before[0].clone()).unwrap();
+    let name = "evo:published-sac-gains:AT:attack_change";
+    assert!(numbers.contains(name));
+    std::fs::write(file("numbers.tex"), numbers.replacen(name, "evo:published-sac-gains:AT:no_such", 1)).unwrap();
+    let missed = paper(&["--short", "--check"]);
+    assert_eq!(missed.code, 4, "{}{}", missed.stdout, missed.stderr);
+    for said in ["published-sac-gains.md", "has 2 numbers of it otherwise", "--bless --figure published-sac-gains"] {
+        assert!(missed.stdout.contains(said), "{said}: {}", missed.stdout);
+    }
+    let blessed = paper(&["--bless", "--figure", "published-sac-gains"]);
+    assert_eq!(blessed.code, 0, "{}", blessed.stderr);
+    assert!(read() == before, "as they were, the digest too");
+    assert!(!paper(&["--short", "--check"]).stdout.contains("of it otherwise"));
+}

@@ -9,14 +9,16 @@ use std::path::{Path, PathBuf};
 use crate::cli::records::folder::RUNS;
 use crate::cli::scenes::files::threads;
 use crate::cli::studies::paper_runs::{How, Ran, carry_out};
-use crate::cli::studies::paper_sheets::{Numbers, Sheet, files, named_numbers, sheet};
+use crate::cli::studies::paper_sheets::{Numbers, Sheet, files, named_numbers, read_numbers, sheet};
 use crate::cli::studies::{claims, paper_pages};
 use crate::cli::terminal::answer::Answer;
 use crate::cli::terminal::exit::{Exit, Failure};
 use crate::cli::terminal::output::Output;
 use crate::evidence::RecordedRun;
 use crate::evidence::claims::{csv as claims_csv, latex as claims_latex, markdown as claims_markdown};
-use crate::evidence::paper::{Piece, Plan, Root, numbers, numbers_with, plan, roots, typed_numbers, unknown_numbers};
+use crate::evidence::paper::{
+    Piece, Plan, Root, numbers, numbers_with, outdated, plan, roots, typed_numbers, unknown_numbers,
+};
 use crate::kernel::Digest;
 use crate::store;
 use crate::text::counted;
@@ -34,7 +36,7 @@ pub struct Wanted {
     #[arg(long, conflicts_with_all = ["bless", "figure"])]
     pub check: bool,
     /// Rebuild everything and write it as the new goldens; say in the commit what moved and why. With --figure that piece alone, of runs
-    /// that are those of the goldens.
+    /// that are those of the goldens, or the numbers of one other golden that the plan names.
     #[arg(long)]
     pub bless: bool,
     /// Build one table or figure, named by its label or file, and write it to --out, or with --bless to the goldens.
@@ -92,7 +94,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         let text = format!("{} written to {}", counted(made.len(), "file"), folder.display());
         return Ok(Answer::new(text, json!({"written": made.keys().collect::<Vec<_>>()})));
     }
-    check(&made, options)
+    check(&plan, &made, options)
 }
 
 fn how(options: &Options, jobs: usize) -> How<'_> {
@@ -215,13 +217,13 @@ fn named<'p>(plan: &'p Plan, label: &str) -> Result<&'p Piece, Failure> {
 /// Writes one piece as a golden: its files, its numbers, and their digests. The others stay, so its runs must be those that they were
 /// made from.
 fn blessed(plan: &Plan, label: &str, options: &Options, jobs: usize) -> Result<Answer, Failure> {
-    let piece = named(plan, label)?;
     let folder = options.golden.join("paper");
-    let place = folder.join("provenance.toml");
-    let whole = "make all goldens anew: `evodrive paper --bless`";
-    let damaged = |what: String| Failure::bad_input(format!("{}: {what}; {whole}", place.display()));
-    let text = text_of(&place)?;
-    let mut known: toml::Table = text.parse().map_err(|error: toml::de::Error| damaged(error.to_string()))?;
+    if let Some((name, file)) = plan.read_elsewhere().find(|(name, _)| *name == label) {
+        return blessed_numbers(name, file, &folder, options);
+    }
+    let piece = named(plan, label)?;
+    let damaged = |what: String| damaged(&folder, what);
+    let mut known = known_provenance(&folder)?;
     let ran = carry_out(plan, &[piece], false, &how(options, jobs))?;
     for (name, recorded) in &ran.recorded_runs {
         let root = known.get("run").and_then(|runs| runs.get(name)?.get("root")?.as_str().map(String::from));
@@ -232,10 +234,9 @@ fn blessed(plan: &Plan, label: &str, options: &Options, jobs: usize) -> Result<A
     let sheet = sheet(piece, &ran, jobs)?;
     let mut made: Made = files(piece, &sheet)?.into_iter().collect();
     if let Sheet::Table(table) = &sheet {
-        let numbers = numbers_with(&text_of(&folder.join("numbers.tex"))?, &piece.file, table);
-        made.insert("numbers.tex".into(), numbers.into_bytes());
+        let own = numbers(&[(piece.file.clone(), table.clone())], None, &BTreeMap::new());
+        put_numbers(&mut made, &mut known, &folder, &piece.file, &own)?;
     }
-    let digest = |bytes: &Vec<u8>| toml::Value::String(Digest::of_bytes(bytes).to_hex());
     let pieces = known.get_mut("piece").and_then(toml::Value::as_array_mut);
     let entry = pieces.and_then(|all| all.iter_mut().find(|of| of["file"].as_str() == Some(&piece.file)));
     let Some(digests) = entry.and_then(|entry| entry.get_mut("digests")).and_then(toml::Value::as_table_mut) else {
@@ -243,21 +244,58 @@ fn blessed(plan: &Plan, label: &str, options: &Options, jobs: usize) -> Result<A
     };
     for (name, bytes) in &made {
         if let Some(ending) = name.strip_prefix(&format!("{}.", piece.file)) {
-            digests.insert(ending.to_string(), digest(bytes));
+            digests.insert(ending.to_string(), digest_value(bytes));
         }
     }
-    if let (Some(bytes), Some(of)) =
-        (made.get("numbers.tex"), known.get_mut("whole").and_then(toml::Value::as_table_mut))
-    {
-        of.insert("numbers.tex".into(), digest(bytes));
+    written(&piece.label, made, &known, &folder)
+}
+
+/// Writes the numbers of a golden of another check as macros; those of the runs stay.
+fn blessed_numbers(name: &str, file: &str, folder: &Path, options: &Options) -> Result<Answer, Failure> {
+    let (mut made, mut known) = (Made::new(), known_provenance(folder)?);
+    let own = numbers(&[], None, &read_numbers(name, file, &options.golden)?);
+    put_numbers(&mut made, &mut known, folder, name, &own)?;
+    written(name, made, &known, folder)
+}
+
+/// A table's numbers in the place of those that the goldens have of it, and their digest.
+fn put_numbers(made: &mut Made, known: &mut toml::Table, folder: &Path, name: &str, own: &str) -> Result<(), Failure> {
+    let bytes = numbers_with(&text_of(&folder.join("numbers.tex"))?, name, own).into_bytes();
+    if let Some(of) = known.get_mut("whole").and_then(toml::Value::as_table_mut) {
+        of.insert("numbers.tex".into(), digest_value(&bytes));
     }
-    made.insert("provenance.toml".into(), provenance_text(&known)?.into_bytes());
+    made.insert("numbers.tex".into(), bytes);
+    Ok(())
+}
+
+/// Writes what was made of one label, and what all goldens are made from.
+fn written(label: &str, mut made: Made, known: &toml::Table, folder: &Path) -> Result<Answer, Failure> {
+    made.insert("provenance.toml".into(), provenance_text(known)?.into_bytes());
     for (name, bytes) in &made {
         store::write_atomic(&folder.join(name), bytes)?;
     }
     let names: Vec<&String> = made.keys().collect();
-    let text = format!("{}: {} written to {}", piece.label, counted(made.len(), "file"), folder.display());
-    Ok(Answer::new(text, json!({"label": piece.label, "written": names})))
+    let text = format!("{label}: {} written to {}", counted(made.len(), "file"), folder.display());
+    Ok(Answer::new(text, json!({"label": label, "written": names})))
+}
+
+fn digest_value(bytes: &[u8]) -> toml::Value {
+    toml::Value::String(Digest::of_bytes(bytes).to_hex())
+}
+
+fn provenance_place(folder: &Path) -> PathBuf {
+    folder.join("provenance.toml")
+}
+
+fn damaged(folder: &Path, what: String) -> Failure {
+    let whole = "make all goldens anew: `evodrive paper --bless`";
+    Failure::bad_input(format!("{}: {what}; {whole}", provenance_place(folder).display()))
+}
+
+/// What the goldens were made from.
+fn known_provenance(folder: &Path) -> Result<toml::Table, Failure> {
+    let text = text_of(&provenance_place(folder))?;
+    text.parse().map_err(|error: toml::de::Error| damaged(folder, error.to_string()))
 }
 
 /// The file of what every golden was made from.
@@ -283,7 +321,7 @@ fn one(plan: &Plan, label: &str, out: &Path, options: &Options, jobs: usize) -> 
 }
 
 /// What was made against what stands in the goldens, the text's typed numbers, and the pages that it makes.
-fn check(made: &Made, options: &Options) -> Result<Answer, Failure> {
+fn check(plan: &Plan, made: &Made, options: &Options) -> Result<Answer, Failure> {
     let (folder, text) = (options.golden.join("paper"), options.paper.join("evodrive.tex"));
     let mut wrong = Vec::new();
     for (name, bytes) in made {
@@ -296,11 +334,23 @@ fn check(made: &Made, options: &Options) -> Result<Answer, Failure> {
         }
     }
     let written = text_of(&text)?;
-    let numbers = match made.get("numbers.tex") {
+    let known = match made.get("numbers.tex") {
         Some(bytes) => String::from_utf8_lossy(bytes).into_owned(),
         None => text_of(&folder.join("numbers.tex"))?,
     };
-    for unknown in unknown_numbers(&written, &numbers) {
+    for (name, file) in plan.read_elsewhere() {
+        let own = numbers(&[], None, &read_numbers(name, file, &options.golden)?);
+        let outdated = outdated(&known, name, &own);
+        if let Some(first) = outdated.first() {
+            let (place, count) = (options.golden.join(file), counted(outdated.len(), "number"));
+            wrong.push(format!(
+                "{}: golden/paper/numbers.tex has {count} of it otherwise, the first {first:?}; `evodrive paper --bless --figure {name}` \
+                 takes them over",
+                place.display()
+            ));
+        }
+    }
+    for unknown in unknown_numbers(&written, &known) {
         let place = format!("{}: line {}", text.display(), unknown.line);
         wrong.push(format!(
             "{place}: golden/paper/numbers.tex has no number {:?}; expected one of those in it",

@@ -101,8 +101,7 @@ pub enum Numbers {
 /// What the text may name of a table that is no piece.
 pub fn named_numbers(named: &Named, ran: &Ran, golden: &Path) -> Result<Numbers, Failure> {
     if let Some(file) = &named.golden {
-        let bytes = store::read_bounded(&golden.join(file), BYTES_MAX)?;
-        return Ok(Numbers::Read(quoted(&named.name, &String::from_utf8_lossy(&bytes))));
+        return Ok(Numbers::Read(read_numbers(&named.name, file, golden)?));
     }
     let (table, runs) = (named.table.as_deref().unwrap_or_default(), ran.of(&named.runs));
     if table == EVALUATOR {
@@ -111,6 +110,12 @@ pub fn named_numbers(named: &Named, ran: &Ran, golden: &Path) -> Result<Numbers,
     }
     let which = WhichTable::named(table).map_err(Failure::bad_input)?;
     Ok(Numbers::Table(Box::new(which.of(&runs).map_err(Failure::bad_input)?)))
+}
+
+/// Numbers of a page of the goldens, by their whole names.
+pub fn read_numbers(name: &str, file: &str, golden: &Path) -> Result<BTreeMap<String, String>, Failure> {
+    let bytes = store::read_bounded(&golden.join(file), BYTES_MAX)?;
+    Ok(quoted(name, &String::from_utf8_lossy(&bytes)))
 }
 
 /// The measures of a world evaluator, each under its own name.

@@ -7,7 +7,7 @@ mod quoted;
 mod roots;
 mod typed;
 
-pub use numbers::{numbers, numbers_with};
+pub use numbers::{numbers, numbers_with, outdated};
 pub use pages::{
     FIGURE_TEXT_PT, FigureUse, Page, figures_of, overfull, pages_of, smallest_text_pt, unsound_fonts, unsound_pages,
 };

@@ -1,6 +1,6 @@
 //! The numbers of the paper's text, as macros: `\evo{table:row:column}` gives the number as the table prints it, with its interval.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use crate::evidence::claims::{Judgement, Verdict};
@@ -52,25 +52,40 @@ pub fn numbers(tables: &[(String, Table)], claims: Option<&Judgement>, others: &
     out
 }
 
-/// The numbers of one table in the place of those that `all` has of it.
-pub fn numbers_with(all: &str, name: &str, table: &Table) -> String {
-    let of = |text: &str| -> Vec<(String, String)> {
-        let named = text.lines().filter_map(|line| {
-            let (number, _) = line.strip_prefix("\\expandafter\\def\\csname evo:")?.split_once("\\endcsname")?;
-            Some((number.to_string(), line.to_string()))
-        });
-        named.collect()
-    };
-    let own = format!("{name}:");
-    let new = numbers(&[(name.to_string(), table.clone())], None, &BTreeMap::new());
-    let mut lines: BTreeMap<String, String> =
-        of(all).into_iter().filter(|(number, _)| !number.starts_with(&own)).collect();
-    lines.extend(of(&new).into_iter().filter(|(number, _)| number.starts_with(&own)));
+/// The macros of a file by the names of their numbers.
+fn macros(text: &str) -> BTreeMap<String, String> {
+    let named = text.lines().filter_map(|line| {
+        let (number, _) = line.strip_prefix("\\expandafter\\def\\csname evo:")?.split_once("\\endcsname")?;
+        Some((number.to_string(), line.to_string()))
+    });
+    named.collect()
+}
+
+/// What a table's numbers begin with.
+fn prefix(table: &str) -> String {
+    format!("{table}:")
+}
+
+/// The numbers of one table, a file as `numbers` makes it, in the place of those that `all` has of it; those of runs that it names go with them.
+pub fn numbers_with(all: &str, table: &str, new: &str) -> String {
+    let own = prefix(table);
+    let mut lines = macros(all);
+    lines.retain(|number, _| !number.starts_with(&own));
+    lines.extend(macros(new));
     let mut out = HEAD.to_string();
     lines.values().for_each(|line| {
         let _ = writeln!(out, "{line}");
     });
     out
+}
+
+/// The names of a table's numbers that `all` has otherwise, or not at all, or has and `new` has not.
+pub fn outdated(all: &str, table: &str, new: &str) -> BTreeSet<String> {
+    let own = prefix(table);
+    let of = |text| -> BTreeSet<(String, String)> {
+        macros(text).into_iter().filter(|(number, _)| number.starts_with(&own)).collect()
+    };
+    of(all).symmetric_difference(&of(new)).map(|(number, _)| number.clone()).collect()
 }
 
 fn cells(all: &mut BTreeMap<String, String>, name: &str, table: &Table) {
@@ -122,8 +137,18 @@ mod tests {
         };
         let both =
             |first: f64| numbers(&[("one".into(), of(first)), ("one-more".into(), of(2.0))], None, &BTreeMap::new());
-        assert_eq!(numbers_with(&both(1.0), "one", &of(5.0)), both(5.0));
+        let alone = |evolved: f64| numbers(&[("one".into(), of(evolved))], None, &BTreeMap::new());
+        assert_eq!(numbers_with(&both(1.0), "one", &alone(5.0)), both(5.0));
         assert_ne!(both(1.0), both(5.0));
+        let outdated = |all: &str, new: &str| outdated(all, "one", new).into_iter().collect::<Vec<_>>();
+        assert!(outdated(&both(5.0), &alone(5.0)).is_empty());
+        assert_eq!(outdated(&both(1.0), &alone(5.0)), ["one:CAT:pf_area_at_3_pct"]);
+        let lacking = alone(5.0).replace("evo:one:CAT:pf_area_at_3_pct", "evo:one:BUS:pf_area_at_3_pct");
+        let names = ["one:BUS:pf_area_at_3_pct", "one:CAT:pf_area_at_3_pct"];
+        assert_eq!(
+            (outdated(&both(5.0), &lacking), outdated(&lacking, &alone(5.0))),
+            (names.map(String::from).to_vec(), names.map(String::from).to_vec())
+        );
     }
 
     #[test]

@@ -127,6 +127,11 @@ impl Plan {
         let own = |piece: &&Piece| piece.runs.iter().all(|name| self.run(name).is_some_and(|run| run.short));
         self.pieces.iter().filter(|piece| !short || own(piece)).collect()
     }
+
+    /// Numbers that are read from goldens of other checks: their name, and the file.
+    pub fn read_elsewhere(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.named.iter().filter_map(|named| Some((named.name.as_str(), named.golden.as_deref()?)))
+    }
 }
 
 fn known_runs(plan: &Plan, runs: &[String]) -> Result<(), String> {

@@ -139,7 +139,7 @@ pub fn metadrive_gains(runs: &[RecordedRun]) -> Result<Table, TableError> {
         Row { cells: Cell::row(&columns(), &numbers, None), notes: Vec::new(), ..row }
     });
     let rows: Vec<Row> = rows.collect();
-    let notes = notes(runs, &own, &rows);
+    let notes = notes(runs, &own, &nulls, &rows);
     Ok(Table {
         name: NAME,
         labels: vec![METHOD, POLICY],
@@ -172,6 +172,11 @@ fn numbers(runs: &[RecordedRun], of: &[&LineageLabels], nulls: &[Vec<LineageLabe
     }
     let mut chances = [None; 2];
     for ((null, labels), p) in NULL_SEARCHES.iter().zip(nulls).zip(&mut chances) {
+        // A mean over those that a null search was made for would say something of whom it was made for.
+        let met = |search: &Vec<&LineageLabels>| search.iter().any(|l| l.counterpart(labels).is_some());
+        if !searches(of.iter().copied()).iter().all(met) {
+            continue;
+        }
         let differences = against(of, labels, labels::ATTACK);
         let Some((estimate, chance)) = bootstrap::compared_with_zero(&[differences]).into_iter().next().flatten()
         else {
@@ -183,7 +188,19 @@ fn numbers(runs: &[RecordedRun], of: &[&LineageLabels], nulls: &[Vec<LineageLabe
     (numbers, chances)
 }
 
-fn notes(runs: &[RecordedRun], own: &[LineageLabels], rows: &[Row]) -> Vec<String> {
+/// What a null search was not made for.
+fn without_counterpart(own: &[LineageLabels], null: &Null, labels: &[LineageLabels]) -> Option<String> {
+    // Without a run every cell below the column is empty, which says it.
+    labels.first()?;
+    let alone = |of: &Vec<&LineageLabels>| of.iter().all(|l| l.counterpart(labels).is_none());
+    let lacking = searches(own.iter()).into_iter().filter(alone);
+    let lacking: Vec<String> = lacking.map(|of| format!("{} against {}", of[0].label, of[0].policy)).collect();
+    let head = null.over.head;
+    (!lacking.is_empty())
+        .then(|| format!("{head}: not searched for {}, so the row over all says nothing there.", lacking.join(", ")))
+}
+
+fn notes(runs: &[RecordedRun], own: &[LineageLabels], nulls: &[Vec<LineageLabels>], rows: &[Row]) -> Vec<String> {
     let floors: BTreeSet<String> = own.iter().flat_map(|l| &l.floors).map(|floor| format!("{floor:.2}")).collect();
     let mut notes = vec![
         "Attack: share of held-out scenes in which the ego fails by a contact that the experiment counts. Evolved: the program that is \
@@ -206,6 +223,7 @@ fn notes(runs: &[RecordedRun], own: &[LineageLabels], rows: &[Row]) -> Vec<Strin
             .to_string(),
         notes::intervals("held-out scenes"),
     ];
+    notes.extend(NULL_SEARCHES.iter().zip(nulls).filter_map(|(null, labels)| without_counterpart(own, null, labels)));
     notes.extend(notes::one_seed(&notes::repeats(own.iter()), "held-out scenes"));
     notes.extend(notes::all_alike(rows, 0, |column| column.group == ATTACK && column.form == Form::Rate));
     notes.extend(notes::own_attack(runs));

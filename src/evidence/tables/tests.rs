@@ -666,6 +666,32 @@ fn gains_stand_beside_floors_of_realism_absolute_areas_and_null_searches() {
 }
 
 #[test]
+fn a_row_that_no_null_search_was_made_for_is_empty_there_and_so_is_the_row_over_all_and_a_note_says_it() {
+    let missed = [Some((0.0, 0.98)); 4];
+    let mut whole = searched(None, CAT.evolved.unwrap());
+    // A search that gains more than the other, so that its part in a mean would show.
+    add(&mut whole, &End { evolved: Some([Some((1.0, 1.0)); 4]), ..SAGE });
+    let mut shuffled = searched(Some("shuffled_labels"), missed);
+    add(&mut shuffled, &End { evolved: Some(missed), ..SAGE });
+    let without_one = shuffled.result.as_mut().unwrap().lineages.pop().unwrap();
+    let table =
+        metadrive_gains(&[whole.clone(), searched(Some("random_proposals"), missed), shuffled.clone()]).unwrap();
+    let empty =
+        |of: &str, key| row(&table, of).cells.iter().find(|cell| cell.column.key == key).unwrap().ours.is_none();
+    for key in ["over_random_proposals", "p_random_proposals", "over_shuffled_labels", "p_shuffled_labels"] {
+        assert!(empty("SAGE (w=0.50)", key) && empty("All 2", key) && !empty("CAT", key), "{key}");
+    }
+    let said = |table: &Table| {
+        table.notes.iter().filter(|note| note.contains("not searched for SAGE (w=0.50) against IDM")).count()
+    };
+    assert_eq!(said(&table), 2, "{:?}", table.notes);
+    shuffled.result.as_mut().unwrap().lineages.push(without_one);
+    let both = metadrive_gains(&[whole, shuffled]).unwrap();
+    assert_eq!(said(&both), 0, "{:?}", both.notes);
+    near(ours(&both, "All 2", "over_shuffled_labels").value, 0.75);
+}
+
+#[test]
 fn the_frontier_area_is_worked_out_again_and_names_who_spans_it() {
     let mut run = scripted();
     // Attack 0.25 at 0.9 of the parent; 0.5 at 0.97 of the descendant: (0.485 - 0.225) / 0.225.

@@ -77,7 +77,7 @@ impl Bases<'_> {
         }
         let null = self.searched.get(gains::null_run(self.recorded_runs, gains::null_of(key)?)?)?;
         let all: Vec<&LineageLabels> = null.iter().collect();
-        Some(paired(&own, &all, |of| read(of, Side::Evolved)))
+        gains::is_matched(&own, null).then(|| paired(&own, &all, |of| read(of, Side::Evolved)))
     }
 
     /// How many proposals of a lineage something holds of, in the mean.

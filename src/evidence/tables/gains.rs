@@ -172,9 +172,7 @@ fn numbers(runs: &[RecordedRun], of: &[&LineageLabels], nulls: &[Vec<LineageLabe
     }
     let mut chances = [None; 2];
     for ((null, labels), p) in NULL_SEARCHES.iter().zip(nulls).zip(&mut chances) {
-        // A mean over those that a null search was made for would say something of whom it was made for.
-        let met = |search: &Vec<&LineageLabels>| search.iter().any(|l| l.counterpart(labels).is_some());
-        if !searches(of.iter().copied()).iter().all(met) {
+        if !is_matched(of, labels) {
             continue;
         }
         let differences = against(of, labels, labels::ATTACK);
@@ -188,16 +186,25 @@ fn numbers(runs: &[RecordedRun], of: &[&LineageLabels], nulls: &[Vec<LineageLabe
     (numbers, chances)
 }
 
+/// Whether a null search was made for every repetition of these. A mean over those that it was made for would say something of whom it was
+/// made for.
+pub(super) fn is_matched(of: &[&LineageLabels], null: &[LineageLabels]) -> bool {
+    of.iter().all(|own| own.counterpart(null).is_some())
+}
+
 /// What a null search was not made for.
 fn without_counterpart(own: &[LineageLabels], null: &Null, labels: &[LineageLabels]) -> Option<String> {
     // Without a run every cell below the column is empty, which says it.
     labels.first()?;
-    let alone = |of: &Vec<&LineageLabels>| of.iter().all(|l| l.counterpart(labels).is_none());
-    let lacking = searches(own.iter()).into_iter().filter(alone);
+    let lacking = searches(own.iter()).into_iter().filter(|of| !is_matched(of, labels));
     let lacking: Vec<String> = lacking.map(|of| format!("{} against {}", of[0].label, of[0].policy)).collect();
     let head = null.over.head;
-    (!lacking.is_empty())
-        .then(|| format!("{head}: not searched for {}, so the row over all says nothing there.", lacking.join(", ")))
+    (!lacking.is_empty()).then(|| {
+        format!(
+            "{head}: not searched for {}, or less often, so these rows and the one over all say nothing there.",
+            lacking.join(", ")
+        )
+    })
 }
 
 fn notes(runs: &[RecordedRun], own: &[LineageLabels], nulls: &[Vec<LineageLabels>], rows: &[Row]) -> Vec<String> {

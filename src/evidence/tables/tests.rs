@@ -681,6 +681,17 @@ fn a_row_that_no_null_search_was_made_for_is_empty_there_and_so_is_the_row_over_
     for key in ["over_random_proposals", "p_random_proposals", "over_shuffled_labels", "p_shuffled_labels"] {
         assert!(empty("SAGE (w=0.50)", key) && empty("All 2", key) && !empty("CAT", key), "{key}");
     }
+    let runs = [whole.clone(), searched(Some("random_proposals"), missed), shuffled.clone()];
+    let bases = Bases::of(&table, &runs).unwrap();
+    let says = |of: &str| bases.basis(&table, row(&table, of), "over_random_proposals").is_some();
+    assert_eq!(["CAT", "SAGE (w=0.50)", "All 2"].map(says), [true, false, false], "what is asked why");
+    // Two repetitions of three, which may be those that went well.
+    let mut part = searched(Some("random_proposals"), missed);
+    part.result.as_mut().unwrap().lineages.pop();
+    let parted = metadrive_gains(&[searched(None, CAT.evolved.unwrap()), part]).unwrap();
+    let cells = &row(&parted, "CAT").cells;
+    assert!(cells.iter().any(|cell| cell.column.key == "over_random_proposals" && cell.ours.is_none()));
+    assert!(parted.notes.iter().any(|note| note.contains("not searched for CAT against IDM")));
     let said = |table: &Table| {
         table.notes.iter().filter(|note| note.contains("not searched for SAGE (w=0.50) against IDM")).count()
     };

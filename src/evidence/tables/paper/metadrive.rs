@@ -125,6 +125,53 @@ pub fn policy_figures(name: &str, policy: &str) -> Option<Figures> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::archive::{Contender, SelectorOptions, hypervolume, select_active};
+    use crate::objects::{Objectives, SolutionId};
+
+    /// Parent, reported program and endpoint of a row as [attack, realism].
+    fn points(row: &[f64; 7]) -> [[f64; 2]; 3] {
+        [0, 2, 4].map(|place| [row[place], 1.0 - row[place + 1] / 100.0])
+    }
+
+    #[test]
+    fn the_papers_rows_give_its_frontier_area_above_the_origin_and_above_no_other_corner() {
+        let farthest = |reference: [f64; 2]| {
+            let of = |row: &[f64; 7]| {
+                let [parent, reported, endpoint] = points(row);
+                let before = hypervolume(&[parent], reference);
+                let after = hypervolume(&[parent, reported, endpoint], reference);
+                (100.0 * (after - before) / before - row[6]).abs()
+            };
+            POLICY.iter().map(|(_, _, row)| of(row)).fold(0.0, f64::max)
+        };
+        assert!(farthest([0.0, 0.0]) < 0.25, "{}", farthest([0.0, 0.0]));
+        for other in [[0.0, 0.5], [0.1, 0.0], [0.1, 0.5]] {
+            assert!(farthest(other) > 1.0, "{other:?}: {}", farthest(other));
+        }
+    }
+
+    #[test]
+    fn two_of_the_papers_rows_contradict_the_rule_by_which_a_generator_is_reported_here() {
+        let options = SelectorOptions { realism_min: 0.95, tolerance: 0.05, also_at: None };
+        let contradicts = |options: &SelectorOptions| {
+            let of = |row: &[f64; 7]| {
+                let [parent, reported, endpoint] = points(row);
+                let contender = |(name, [attack, realism]): (&str, [f64; 2])| Contender {
+                    solution: SolutionId::new(name),
+                    objectives: Objectives { attack, realism },
+                    coverage: 1.0,
+                };
+                let chosen = select_active(&[("parent", parent), ("endpoint", endpoint)].map(contender), options);
+                let Objectives { attack, realism } = chosen.expect("both act").objectives;
+                [attack, realism] != reported
+            };
+            let rows = POLICY.iter().filter(|(_, _, row)| of(row));
+            rows.map(|(name, ego, _)| format!("{name}/{ego}")).collect::<Vec<_>>()
+        };
+        assert_eq!(contradicts(&options), ["AT/RL", "SAGE (w=0.50)/IDM"]);
+        // The largest attack among those realistic enough, without a tolerance.
+        assert_eq!(contradicts(&SelectorOptions { tolerance: 0.0, ..options }), ["SAGE (w=0.50)/IDM"]);
+    }
 
     #[test]
     fn the_main_table_is_the_mean_of_the_policy_table_up_to_rounding() {

@@ -1,0 +1,63 @@
+//! Keeps docs/PAPER.md true: every place that it names exists, and every row has a verdict and says why it differs.
+
+use std::path::Path;
+
+/// Words that stand before the name of an item.
+const ITEMS: [&str; 5] = ["fn", "struct", "enum", "const", "trait"];
+
+/// The items that a file defines.
+fn defined(text: &str) -> Vec<&str> {
+    let words: Vec<&str> = text.split(|c: char| !(c.is_alphanumeric() || c == '_')).filter(|w| !w.is_empty()).collect();
+    words.windows(2).filter(|pair| ITEMS.contains(&pair[0])).map(|pair| pair[1]).collect()
+}
+
+/// What is wrong with the rows of a page, given the text of a file below `src`.
+fn faults(page: &str, file: &dyn Fn(&str) -> Option<String>) -> Vec<String> {
+    let rows = page.lines().filter(|line| line.starts_with("| ") && line.matches('|').count() == 5);
+    let mut faults = Vec::new();
+    for row in rows.filter(|row| !row.starts_with("| paper |")) {
+        let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+        let [_, element, places, verdict, why, _] = cells[..] else { continue };
+        if !["same", "chosen", "differs", "missing"].contains(&verdict) {
+            faults.push(format!("{element}: {verdict} is no verdict"));
+        }
+        if verdict != "same" && why.is_empty() {
+            faults.push(format!("{element}: {verdict}, and not a word on why"));
+        }
+        for place in places.split(", ") {
+            let named = place.trim_matches('`').split_once('#');
+            let found = named.and_then(|(path, item)| Some(defined(&file(path)?).contains(&item)));
+            if found != Some(true) {
+                faults.push(format!("{element}: {place} is not there"));
+            }
+        }
+    }
+    faults
+}
+
+fn page() -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/PAPER.md")).expect("docs/PAPER.md")
+}
+
+fn file(path: &str) -> Option<String> {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src").join(path)).ok()
+}
+
+#[test]
+fn every_place_of_the_papers_page_exists_and_every_difference_says_why() {
+    let page = page();
+    let rows = page.lines().filter(|line| line.contains(".rs#")).count();
+    assert!(rows > 100, "{rows} rows with a place");
+    assert_eq!(faults(&page, &file), Vec::<String>::new());
+}
+
+#[test]
+fn a_place_that_does_not_exist_a_verdict_of_ones_own_and_a_difference_without_a_reason_are_refused() {
+    let row = |place: &str, verdict: &str, why: &str| format!("| dominance | {place} | {verdict} | {why} |");
+    let refused = |row: String| faults(&row, &file).len();
+    assert_eq!(refused(row("`objects/score.rs#dominates`", "same", "")), 0);
+    assert_eq!(refused(row("`objects/score.rs#dominated_by`", "same", "")), 1);
+    assert_eq!(refused(row("`objects/scores.rs#dominates`", "same", "")), 1);
+    assert_eq!(refused(row("`objects/score.rs#dominates`", "alike", "x")), 1);
+    assert_eq!(refused(row("`objects/score.rs#dominates`", "differs", "")), 1);
+}

@@ -491,7 +491,7 @@ fn client() -> Vec<Row> {
             "",
             "",
             Word(|| words(["keep", "stop"])),
-            "Refused, empty or cut answers: kept as unusable replies, or the end of the recording.",
+            "Refused, empty or cut answers: kept and read like every reply, or the end of the recording.",
         ),
         ("models.*.client.input_usd_per_million", "", "USD per million tokens", Number(0.0, 1e6), "Price of a prompt."),
         (

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::protocol::{End, Said, count_at, put_sampling, reply_name, text_at, unanswerable};
+use super::protocol::{End, Said, aside, count_at, put_sampling, reply_name, text_at, unanswerable};
 use super::wire::compilable;
 use crate::llm::{Metadata, ModelError, Request, ResponseFormat};
 
@@ -52,13 +52,7 @@ pub fn read(answer: &Value) -> Result<Said, String> {
         None => of_type("text").into_iter().filter_map(|block| text_at(block, "/text")).collect(),
     };
     let stop_reason = text_at(answer, "/stop_reason");
-    let end = match stop_reason.as_deref() {
-        Some("refusal") => End::Declined,
-        Some("max_tokens" | "model_context_window_exceeded") => End::Truncated,
-        _ if text.trim().is_empty() => End::Empty,
-        Some("end_turn" | "tool_use" | "stop_sequence") => End::Whole,
-        _ => End::Unknown,
-    };
+    let (end, aside) = (End::of(stop_reason.as_deref(), &text), aside(answer, &text));
     let usage = |field: &str| count_at(answer, &format!("/usage/{field}"));
     let (written, cached) = (usage("cache_creation_input_tokens"), usage("cache_read_input_tokens"));
     // This protocol counts the three apart.
@@ -73,7 +67,7 @@ pub fn read(answer: &Value) -> Result<Said, String> {
         fingerprint: None,
         tries: Vec::new(),
     };
-    Ok(Said { text: text.into_bytes(), end, metadata })
+    Ok(Said { text: text.into_bytes(), end, aside, metadata })
 }
 
 #[cfg(test)]

@@ -49,6 +49,9 @@ const FINAL: [&str; 9] = [
     "exceed_context",
 ];
 
+/// What to do where something answered that speaks another protocol, or none.
+const CHECK_ADDRESS: &str = "check base_url and kind";
+
 /// Tells what an answer is. `quote` shows the beginning of a body without the key.
 pub fn heard(protocol: Protocol, answer: &Answer, quote: &dyn Fn(&[u8]) -> String) -> Heard {
     let status = answer.status;
@@ -59,7 +62,7 @@ pub fn heard(protocol: Protocol, answer: &Answer, quote: &dyn Fn(&[u8]) -> Strin
             let error = server_error(&parsed(&answer.body).unwrap_or(Value::Null));
             let words = match &error {
                 Some(error) if !error.message.is_empty() => error.words(),
-                _ => named(answer, quote).unwrap_or_else(|| quote(&answer.body)),
+                _ => named(answer, quote).map_or_else(|| quote(&answer.body), |(name, _)| name),
             };
             let code = error.as_ref().map_or("", |error| error.code.as_str());
             judged(Some(status), code, format!("HTTP {status}: {words}"), &words)
@@ -87,7 +90,7 @@ fn judged(status: Option<u16>, code: &str, reason: String, words: &str) -> Heard
     let has = |list: &[&str]| list.iter().any(|word| code.contains(word));
     if has(&FILTERS) {
         let text = words.as_bytes().to_vec();
-        return Heard::Said(Box::new(Said { text, end: End::Declined, metadata: Metadata::default() }));
+        return Heard::Said(Box::new(Said { text, end: End::Declined, aside: None, metadata: Metadata::default() }));
     }
     let passing = match status {
         Some(408 | 429 | 500..=599) => !has(&FINAL[..2]),
@@ -100,10 +103,10 @@ fn judged(status: Option<u16>, code: &str, reason: String, words: &str) -> Heard
 /// An answer with status 2xx.
 fn body(protocol: Protocol, answer: &Answer, quote: &dyn Fn(&[u8]) -> String) -> Heard {
     let strange = |what: String, answered: bool| {
-        Heard::Strange(fault(format!("{what}; it begins {}", quote(&answer.body)), answered))
+        Heard::Strange(fault(format!("{what}; it begins {}; {CHECK_ADDRESS}", quote(&answer.body)), answered))
     };
-    if let Some(name) = named(answer, quote) {
-        return Heard::Strange(fault(name, !answer.body.is_empty()));
+    if let Some((name, remedy)) = named(answer, quote) {
+        return Heard::Strange(fault(format!("{name}; {remedy}"), !answer.body.is_empty()));
     }
     let (value, mended) = match parsed(&answer.body) {
         Ok(value) => (value, false),
@@ -142,26 +145,30 @@ fn unmarked(body: &[u8]) -> &[u8] {
     body.strip_prefix(MARK).unwrap_or(body)
 }
 
-/// The name of a body that is no JSON at all, by what it begins with.
-fn named(answer: &Answer, quote: &dyn Fn(&[u8]) -> String) -> Option<String> {
+/// The name of a body that is no JSON at all, by what it begins with, and what to do.
+fn named(answer: &Answer, quote: &dyn Fn(&[u8]) -> String) -> Option<(String, &'static str)> {
     let body = answer.body.as_slice();
     let text = unmarked(body).trim_ascii_start();
     let of_type = |word: &str| answer.content_type.as_deref().is_some_and(|kind| kind.contains(word));
     let begins = |words: &[&str]| words.iter().any(|word| text.starts_with(word.as_bytes()));
-    let name = if body.is_empty() {
-        return Some("an empty body".into());
+    if body.is_empty() {
+        Some(("an empty body".into(), "see what the server, or what stands before it, writes into its log"))
     } else if body.starts_with(b"\x1f\x8b") || answer.encoded {
-        return Some("a compressed body (gzip or the like), which was not asked for".into());
+        let name = "a compressed body (gzip or the like), which was not asked for";
+        Some((name.into(), "switch compression off at the server, or at what stands before it"))
     } else if body.starts_with(b"\xff\xfe") || body.starts_with(b"\xfe\xff") {
-        return Some("a body in UTF-16 (by its byte order mark), expected UTF-8".into());
+        Some(("a body in UTF-16 (by its byte order mark), expected UTF-8".into(), "let the server write UTF-8"))
     } else if of_type("event-stream") || begins(&["data:", "event:", "id:", "retry:"]) {
-        "an event stream, though none was asked for (\"stream\": false)"
+        let name = "an event stream, though none was asked for (\"stream\": false)";
+        Some((
+            format!("{name}; it begins {}", quote(body)),
+            "switch streaming off at the server, or at what stands before it",
+        ))
     } else if begins(&["<"]) {
-        "a web page, perhaps one to sign in at"
+        Some((format!("a web page, perhaps one to sign in at; it begins {}", quote(body)), CHECK_ADDRESS))
     } else {
-        return None;
-    };
-    Some(format!("{name}; it begins {}", quote(body)))
+        None
+    }
 }
 
 /// An error as a server tells it.

@@ -18,7 +18,7 @@ pub struct Http {
 /// An answer with any status.
 pub struct Answer {
     pub status: u16,
-    /// `Retry-After`, in seconds or as a date.
+    /// `Retry-After`, in seconds or as a date, or `retry-after-ms`.
     pub retry_after: Option<Duration>,
     pub content_type: Option<String>,
     /// Whether the body has an encoding that was not asked for.
@@ -70,7 +70,9 @@ impl Http {
         }
         let mut response = request.send(body).map_err(lost)?;
         let head = |name: &str| Some(response.headers().get(name)?.to_str().ok()?.trim().to_string());
-        let retry_after = head("retry-after").and_then(|text| wait(&text, head("date").as_deref(), now));
+        let exactly = ["retry-after-ms", "x-ms-retry-after-ms"].into_iter().find_map(|name| wait_ms(&head(name)?));
+        let retry_after =
+            exactly.or_else(|| head("retry-after").and_then(|text| wait(&text, head("date").as_deref(), now)));
         let (content_type, location) = (head("content-type"), head("location"));
         let encoded = head("content-encoding").is_some_and(|encoding| encoding != "identity");
         let read = response.body_mut().with_config().limit(RESPONSE_BYTES_MAX).read_to_vec();
@@ -93,6 +95,11 @@ fn wait(text: &str, date: Option<&str>, now: &dyn Fn() -> Duration) -> Option<Du
     Some(since_1970(text)?.saturating_sub(now))
 }
 
+/// How long `retry-after-ms` asks to wait: milliseconds, more exactly than the `Retry-After` beside it.
+fn wait_ms(text: &str) -> Option<Duration> {
+    Duration::try_from_secs_f64(text.parse::<f64>().ok()? / 1000.0).ok()
+}
+
 fn lost(error: ureq::Error) -> Lost {
     use std::io::ErrorKind::{ConnectionRefused, HostUnreachable, NetworkUnreachable};
     match &error {
@@ -101,9 +108,11 @@ fn lost(error: ureq::Error) -> Lost {
         ureq::Error::Io(io) if matches!(io.kind(), ConnectionRefused | HostUnreachable | NetworkUnreachable) => {
             Lost::Unsent(error.to_string())
         }
-        ureq::Error::BodyExceedsLimit(_) => Lost::Unusable(format!("more than {RESPONSE_BYTES_MAX} bytes")),
+        ureq::Error::BodyExceedsLimit(_) => Lost::Unusable(format!(
+            "more than {RESPONSE_BYTES_MAX} bytes; ask for shorter answers (max_tokens), or check base_url and kind"
+        )),
         ureq::Error::Http(_) | ureq::Error::BadUri(_) | ureq::Error::RedirectFailed | ureq::Error::TooManyRedirects => {
-            Lost::Unusable(error.to_string())
+            Lost::Unusable(format!("{error}; check base_url"))
         }
         _ => Lost::Midway(error.to_string()),
     }
@@ -119,6 +128,10 @@ mod tests {
         let seconds =
             |text: &str, date: Option<&str>| wait(text, date, &|| half_past_eight).map(|wait| wait.as_secs_f64());
         assert_eq!((seconds("7", None), seconds("0.5", None), seconds("soon", None)), (Some(7.0), Some(0.5), None));
+        assert_eq!(
+            ["6000", "250.5", "-1", "NaN", "soon"].map(wait_ms),
+            [Some(Duration::from_secs(6)), Some(Duration::from_micros(250_500)), None, None, None]
+        );
         let at = "Sun, 06 Nov 1994 08:30:08 GMT";
         assert_eq!(seconds(at, None), Some(8.0));
         assert_eq!(seconds(at, Some("Sun, 06 Nov 1994 08:30:05 GMT")), Some(3.0));

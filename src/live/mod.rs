@@ -3,6 +3,7 @@
 //! It is a part of the crate of the commands: those below are the same with and without it, so that tests, which are built with all
 //! features, and the program share them.
 
+mod advice;
 mod anthropic;
 mod heard;
 mod http;
@@ -23,9 +24,7 @@ pub use protocol::draw_seed;
 pub use secret::Secret;
 pub use spend::{Ledger, Tokens};
 
-use crate::llm::{
-    ClientOptions, Completion, IncompleteReplies, Metadata, Model, ModelError, Request, ResponseFormat, client,
-};
+use crate::llm::{ClientOptions, Completion, IncompleteReplies, Metadata, Model, ModelError, Request, client};
 use heard::{Heard, heard};
 use http::Http;
 use protocol::{End, Protocol, Said};
@@ -42,8 +41,6 @@ pub struct Outside {
     pub tell: Arc<dyn Fn(&str) + Send + Sync>,
 }
 
-/// Bytes of a prompt that are taken for a token where a context is advised.
-const BYTES_A_TOKEN: u64 = 3;
 /// Characters of an unexpected body that a message shows.
 const QUOTED_CHARS: usize = 200;
 
@@ -57,7 +54,9 @@ pub struct Live {
     ledger: Arc<Ledger>,
     outside: Outside,
     /// Whether it was told that the server cuts prompts.
-    warned: AtomicBool,
+    told_of_cut: AtomicBool,
+    /// Whether it was told that replies stand beside the content.
+    told_of_aside: AtomicBool,
 }
 
 impl Live {
@@ -78,8 +77,9 @@ impl Live {
         };
         let headers = protocol.headers(options, key.as_ref());
         let http = Http::new(&protocol.url(options), headers, options.timeout_s).map_err(unusable)?;
-        let (name, options, warned) = (name.to_string(), options.clone(), AtomicBool::new(false));
-        Ok(Live { name, protocol, options, http, key, ledger, outside, warned })
+        let (name, options) = (name.to_string(), options.clone());
+        let (told_of_cut, told_of_aside) = (AtomicBool::new(false), AtomicBool::new(false));
+        Ok(Live { name, protocol, options, http, key, ledger, outside, told_of_cut, told_of_aside })
     }
 
     /// Asks until there is an answer, or a reason why there will be none.
@@ -120,24 +120,32 @@ impl Live {
     /// Warns once where the server has read only a part of a prompt.
     fn look_for_a_cut(&self, request: &Request, metadata: &Metadata) {
         let bytes = request.prompt_bytes();
-        if metadata.prompt_was_cut(bytes) && !self.warned.swap(true, Ordering::Relaxed) {
+        if metadata.prompt_was_cut(bytes) && !self.told_of_cut.swap(true, Ordering::Relaxed) {
             let tokens = metadata.input_tokens.unwrap_or(0);
-            let answer = self.protocol.output_bound(&request.model).min(1 << 20);
-            let needed = (bytes / BYTES_A_TOKEN + answer).next_power_of_two();
+            let context = advice::context(request, self.protocol.output_bound(&request.model));
             (self.outside.tell)(&format!(
-                "warning: models.{}: the server counts {tokens} tokens in a prompt of {bytes} bytes, so it read only a part of it; \
-                 give it a context of {needed} tokens (llama.cpp: -c {needed}; Ollama: OLLAMA_CONTEXT_LENGTH={needed}; vLLM: \
-                 --max-model-len {needed}) and record again with --fresh",
+                "warning: models.{}: the server counts {tokens} tokens in a prompt of {bytes} bytes, so it read only a part of it, or \
+                 leaves what it had in a cache out of its count; in the first case give it {context} and record again with --fresh",
                 self.name
             ));
         }
     }
 
+    /// Where an answer without content holds text, and what to do; empty where it holds none. Told once where such answers are kept.
+    fn aside(&self, said: &Said) -> String {
+        let Some(aside) = said.aside else { return String::new() };
+        let words = advice::aside(aside);
+        let kept = self.options.incomplete_replies == IncompleteReplies::Keep;
+        if kept && !self.told_of_aside.swap(true, Ordering::Relaxed) {
+            (self.outside.tell)(&format!("warning: models.{}: an answer is empty{words}", self.name));
+        }
+        words
+    }
+
     /// Why it is not asked again, with what to change where the server's words tell.
     fn stopped(&self, stop: Stop, request: &Request) -> ModelError {
-        let format = request.model.response_format;
-        let held = format.is_some_and(|format| format != ResponseFormat::None);
-        stop.error(&self.options.base_url, |text| match wire::remedy(&self.name, held, text) {
+        let bound = self.protocol.output_bound(&request.model);
+        stop.error(&self.options.base_url, |text| match advice::remedy(request, &self.options, bound, text) {
             Some(remedy) => format!("{}; {remedy}", self.shown(text)),
             None => self.shown(text),
         })
@@ -146,7 +154,11 @@ impl Live {
     /// The part of an answer that may be recorded.
     fn accepted(&self, said: Said) -> Result<Completion, ModelError> {
         let address = self.options.base_url.clone();
-        let finish_reason = self.shown(said.metadata.finish_reason.as_deref().unwrap_or("none"));
+        let finish_reason = match said.metadata.finish_reason.as_deref() {
+            Some("") => "\"\"".to_string(),
+            reason => self.shown(reason.unwrap_or("none")),
+        };
+        let aside = self.aside(&said);
         match (said.end, self.options.incomplete_replies) {
             (End::Whole, _) | (_, IncompleteReplies::Keep) => {
                 self.free_of_secrets(&said)?;
@@ -158,11 +170,11 @@ impl Live {
             (End::Truncated, IncompleteReplies::Stop) => {
                 let output_tokens =
                     said.metadata.output_tokens.map_or("an unknown number of".into(), |n| n.to_string());
-                Err(ModelError::Truncated { address, output_tokens, finish_reason })
+                Err(ModelError::Truncated { address, output_tokens, finish_reason, aside })
             }
-            (End::Empty, IncompleteReplies::Stop) => Err(ModelError::Empty { address, finish_reason }),
+            (End::Empty, IncompleteReplies::Stop) => Err(ModelError::Empty { address, finish_reason, aside }),
             (End::Unknown, IncompleteReplies::Stop) => {
-                let reason = format!("its finish reason is {finish_reason}, which may mean anything");
+                let reason = format!("its finish reason is {finish_reason}, which does not say that it is whole");
                 Err(ModelError::Incomplete { address, reason })
             }
             (End::Broken, IncompleteReplies::Stop) => {
@@ -178,7 +190,8 @@ impl Live {
         let leaks = |key: &Secret| key.is_in(&String::from_utf8_lossy(&said.text)) || key.is_in(&metadata);
         match &self.key {
             Some(key) if leaks(key) => {
-                Err(self.malformed("the answer repeats the api key; it is not recorded".to_string()))
+                let reason = "the answer repeats the api key, so it is not recorded; ask at an address that does not echo requests";
+                Err(self.malformed(reason.to_string()))
             }
             _ => Ok(()),
         }

@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 use super::{anthropic, http::Header, openai, secret::Secret, spend::Tokens};
 use crate::{
     kernel::Digest,
-    llm::{ClientOptions, Metadata, ModelError, ModelSpec, Request},
+    llm::{ClientOptions, Metadata, ModelError, ModelSpec, Request, is_filtered, unwrap},
 };
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +19,8 @@ pub enum Protocol {
 pub struct Said {
     pub text: Vec<u8>,
     pub end: End,
+    /// Text that stands where a reply is not looked for, of an answer without content.
+    pub aside: Option<Aside>,
     pub metadata: Metadata,
 }
 
@@ -35,6 +37,54 @@ pub enum End {
     Unknown,
     /// With half a character in it.
     Broken,
+}
+
+/// Where an answer without content holds text: what its model thought, or a call of a tool that nobody offered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Aside {
+    pub field: &'static str,
+    /// Whether that text is the reply.
+    pub is_reply: bool,
+}
+
+/// Finish reasons of whole answers, in small letters: OpenAI, Anthropic, Together, Text Generation Inference, Cohere.
+const WHOLE: [&str; 8] =
+    ["stop", "eos", "eos_token", "stop_sequence", "stop_token", "end_turn", "tool_use", "complete"];
+/// Finish reasons of answers that met a limit of tokens: OpenAI, Anthropic, Gemini, Mistral, llama.cpp's older server.
+const CUT: [&str; 6] = ["length", "max_tokens", "model_length", "max_length", "limit", "model_context_window_exceeded"];
+
+impl End {
+    /// By the provider's word and the content. Where there is no word, the content tells: one JSON object is no part of an answer.
+    pub fn of(finish_reason: Option<&str>, content: &str) -> End {
+        let word = finish_reason.unwrap_or_default().trim().to_ascii_lowercase();
+        match word.as_str() {
+            word if is_filtered(word) => End::Declined,
+            word if CUT.contains(&word) => End::Truncated,
+            _ if content.trim().is_empty() => End::Empty,
+            word if WHOLE.contains(&word) => End::Whole,
+            "" if unwrap::holds_object(content.as_bytes()) => End::Whole,
+            _ => End::Unknown,
+        }
+    }
+}
+
+/// What an answer without content holds elsewhere; `at` is the object with its fields.
+pub fn aside(at: &Value, content: &str) -> Option<Aside> {
+    const PLACES: [(&str, &str); 9] = [
+        ("reasoning_content", "/reasoning_content"),
+        ("reasoning", "/reasoning"),
+        ("thinking", "/thinking"),
+        ("reasoning_details", "/reasoning_details/0/text"),
+        ("tool_calls", "/tool_calls/0/function/arguments"),
+        ("function_call", "/function_call/arguments"),
+        ("content", "/content/0/thinking"),
+        ("content", "/content/0/thinking/0/text"),
+        ("content", "/content/0/reasoning"),
+    ];
+    PLACES.into_iter().filter(|_| content.trim().is_empty()).find_map(|(field, place)| {
+        let text = text_at(at, place).filter(|text| !text.trim().is_empty())?;
+        Some(Aside { field, is_reply: unwrap::holds_object(text.as_bytes()) })
+    })
 }
 
 impl Said {
@@ -141,4 +191,35 @@ pub fn count_at(value: &Value, pointer: &str) -> Option<u64> {
     // Some servers count in floats.
     let whole = number.as_f64().filter(|x| x.fract() == 0.0 && (0.0..1e15).contains(x)).map(|x| x as u64);
     number.as_u64().or(whole)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_end_is_told_by_the_providers_word_and_by_the_content_where_there_is_none() {
+        for word in ["stop", "STOP", "eos", "eos_token", "stop_sequence", "end_turn", "COMPLETE"] {
+            assert_eq!(End::of(Some(word), "{}"), End::Whole, "{word}");
+            assert_eq!(End::of(Some(word), " "), End::Empty, "{word}");
+        }
+        for word in ["length", "MAX_TOKENS", "model_length"] {
+            assert_eq!(End::of(Some(word), "{}"), End::Truncated, "{word}");
+        }
+        for word in ["content_filter", "content_filter: RECITATION", "SAFETY", "refusal"] {
+            assert_eq!(End::of(Some(word), "{}"), End::Declined, "{word}");
+        }
+        for none in [None, Some(""), Some(" ")] {
+            for (content, end) in [
+                ("{\"a\": 1}", End::Whole),
+                ("```json\n{}\n```", End::Whole),
+                ("{\"a\": ", End::Unknown),
+                ("Sure! {}", End::Unknown),
+                ("", End::Empty),
+            ] {
+                assert_eq!(End::of(none, content), end, "{none:?} {content}");
+            }
+        }
+        assert_eq!(End::of(Some("max_time"), "{}"), End::Unknown);
+    }
 }

@@ -64,19 +64,6 @@ fn requires_all(fields: &Map<String, Value>) -> bool {
     fields.get("properties").and_then(Value::as_object).is_some_and(|all| all.keys().all(is_required))
 }
 
-/// What to change where a server cannot make a grammar of the schema, if its words are about that.
-pub fn remedy(model: &str, held_to_schema: bool, said: &str) -> Option<String> {
-    const WORDS: [&str; 6] = ["grammar", "schema", "response_format", "guided", "structured output", "tool"];
-    let said = said.to_ascii_lowercase();
-    let about_it = held_to_schema && WORDS.iter().any(|word| said.contains(word));
-    about_it.then(|| {
-        format!(
-            "if the server cannot hold a reply to the schema, set another response_format in [models.{model}] \
-             (json_object, or none)"
-        )
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -116,14 +103,5 @@ mod tests {
             *open.pointer_mut(place).unwrap() = value;
             assert_eq!(strict(&open), None, "{place}");
         }
-    }
-
-    #[test]
-    fn a_refusal_about_the_grammar_names_the_setting_and_another_one_does_not() {
-        let llama = "Failed to initialize samplers: failed to parse grammar";
-        let hint = remedy("local", true, llama).unwrap();
-        assert!(hint.contains("response_format") && hint.contains("[models.local]"), "{hint}");
-        assert_eq!(remedy("local", false, llama), None);
-        assert_eq!(remedy("local", true, "Incorrect API key provided"), None);
     }
 }

@@ -18,7 +18,7 @@ pub use cassette::{Cassette, CassetteError, Recorded};
 pub use client::{ClientOptions, IncompleteReplies, SpendCap};
 pub use command::{Command, CommandOptions};
 pub use exchange::{Desk, Exchange};
-pub use model::{Completion, DraftJudge, Metadata, Model, ModelError, Tried, TriedDraft};
+pub use model::{Completion, DraftJudge, Metadata, Model, ModelError, Tried, TriedDraft, is_filtered};
 pub use record::{Record, RecordMode};
 pub use replay::Replay;
 pub use reply::Refusal;

@@ -95,15 +95,31 @@ const JUDGED_BYTES_MIN: u64 = 4096;
 
 impl Metadata {
     /// Whether a prompt of this many bytes was cut by its server: it reports too few tokens to hold it.
+    /// What a filter stopped need not have been read, and tokens from a cache were.
     pub fn prompt_was_cut(&self, prompt_bytes: u64) -> bool {
-        let holds = |tokens: u64| tokens.saturating_mul(BYTES_A_TOKEN_MAX) >= prompt_bytes;
-        prompt_bytes >= JUDGED_BYTES_MIN && self.input_tokens.is_some_and(|tokens| tokens > 0 && !holds(tokens))
+        let of_caches = [self.cached_input_tokens, self.cache_write_tokens].into_iter().flatten();
+        let least = of_caches.fold(0, u64::saturating_add);
+        let holds = |tokens: u64| tokens.max(least).saturating_mul(BYTES_A_TOKEN_MAX) >= prompt_bytes;
+        prompt_bytes >= JUDGED_BYTES_MIN
+            && !self.finish_reason.as_deref().is_some_and(is_filtered)
+            && self.input_tokens.is_some_and(|tokens| tokens > 0 && !holds(tokens))
     }
 
     /// Guards the metadata of a cassette's line against change.
     pub fn digest(&self) -> Result<Digest, CanonError> {
         Digest::of("evodrive/llm-metadata/1", self)
     }
+}
+
+/// Whether a finish reason says that a filter of the provider's, or the model, declined.
+pub fn is_filtered(finish_reason: &str) -> bool {
+    const WORDS: [&str; 7] =
+        ["content_filter", "refusal", "safety", "prohibited_content", "blocklist", "recitation", "sensitive"];
+    let word = finish_reason.trim().to_ascii_lowercase();
+    // Some say behind it what was found.
+    WORDS
+        .iter()
+        .any(|known| word == *known || word.strip_prefix(known).is_some_and(|rest| rest.starts_with([':', ' '])))
 }
 
 impl std::fmt::Display for Metadata {
@@ -148,7 +164,7 @@ pub enum ModelError {
     },
     /// The answer was cut at the limit of tokens.
     #[error(
-        "the answer of {address} was cut after {output_tokens} tokens (finish reason {finish_reason}); raise max_tokens, or {INCOMPLETE}"
+        "the answer of {address} was cut after {output_tokens} tokens (finish reason {finish_reason}){aside}; raise max_tokens, or {INCOMPLETE}"
     )]
     Truncated {
         /// Who answered.
@@ -157,14 +173,18 @@ pub enum ModelError {
         output_tokens: String,
         /// Why the answer ended, in the provider's word.
         finish_reason: String,
+        /// Where text stands that is no reply, and what to do; empty where there is none.
+        aside: String,
     },
     /// An answer without content.
-    #[error("the answer of {address} is empty (finish reason {finish_reason}); {INCOMPLETE}")]
+    #[error("the answer of {address} is empty (finish reason {finish_reason}){aside}; {INCOMPLETE}")]
     Empty {
         /// Who answered.
         address: String,
         /// Why the answer ended, in the provider's word.
         finish_reason: String,
+        /// Where text stands that is no reply, and what to do; empty where there is none.
+        aside: String,
     },
     /// An answer of which nobody can say that it is whole.
     #[error("the answer of {address} is incomplete: {reason}; {INCOMPLETE}")]
@@ -175,11 +195,11 @@ pub enum ModelError {
         reason: String,
     },
     /// What came back is not what the protocol says.
-    #[error("{address} answered with something else than the protocol says: {reason}; check base_url and kind")]
+    #[error("{address} answered with something else than the protocol says: {reason}")]
     Malformed {
         /// Who answered.
         address: String,
-        /// What is wrong with it.
+        /// What is wrong with it, and what to do.
         reason: String,
     },
     /// The call was not made because a cap of the experiment would be exceeded.
@@ -219,7 +239,7 @@ pub enum ModelError {
 }
 
 const INCOMPLETE: &str =
-    "to record such answers as unusable replies, set incomplete_replies = \"keep\" in the model's [client]";
+    "incomplete_replies = \"keep\" in the model's [client] records such answers and reads them like every reply";
 
 #[cfg(test)]
 mod tests {
@@ -232,5 +252,18 @@ mod tests {
         assert!(cut(Some(2048), 31_000));
         assert!(!cut(Some(9_290), 31_000) && !cut(None, 31_000) && !cut(Some(0), 31_000));
         assert!(!cut(Some(10), 120), "a prompt of a few words says nothing");
+    }
+
+    #[test]
+    fn what_came_from_a_cache_was_read_and_what_a_filter_stopped_is_not_judged() {
+        let counted = |input, cached, finish: &str| Metadata {
+            input_tokens: Some(input),
+            cached_input_tokens: Some(cached),
+            finish_reason: Some(finish.into()),
+            ..Metadata::default()
+        };
+        assert!(!counted(12, 8_988, "stop").prompt_was_cut(31_000));
+        assert!(counted(2_048, 2_000, "stop").prompt_was_cut(31_000));
+        assert!(!counted(5, 0, "content_filter").prompt_was_cut(31_000));
     }
 }

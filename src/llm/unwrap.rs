@@ -31,6 +31,11 @@ impl ModelSpec {
     }
 }
 
+/// Whether a reply is one JSON object, wrapped or not.
+pub fn holds_object(reply: &[u8]) -> bool {
+    json_object(reply).is_ok() || unwrapped(reply).is_some()
+}
+
 /// The one JSON object inside a reply that is none itself, and the names of what stood around it.
 fn unwrapped(reply: &[u8]) -> Option<(&[u8], Vec<&'static str>)> {
     if json_object(reply).is_ok() {

@@ -444,6 +444,17 @@ fn an_error_told_with_200_is_asked_again_as_that_error_and_costs_nothing() {
 }
 
 #[test]
+fn a_wait_that_is_told_in_milliseconds_is_kept_before_the_one_in_seconds() {
+    let server = Server::start(|before, _| {
+        let headers = vec![("retry-after", "9".into()), ("retry-after-ms", "6000".into())];
+        Some(if before == 0 { Reply { headers, ..Reply::status(429, json!({})) } } else { chat("{}") })
+    });
+    let client = openai(&server);
+    client.ask().unwrap();
+    assert_eq!(*client.waits.lock().unwrap(), [6]);
+}
+
+#[test]
 fn a_wait_that_is_told_as_a_date_is_kept() {
     let server = Server::start(|before, _| {
         let headers = vec![("retry-after", "Sun, 06 Nov 1994 08:30:08 GMT".into())];
@@ -506,6 +517,25 @@ fn a_server_that_cuts_prompts_is_warned_of_once_with_the_context_to_set() {
     let printed = client.printed.lock().unwrap().clone();
     assert!(printed.len() == 1 && printed[0].contains("models.m: the server counts 2048 tokens"), "{printed:?}");
     assert!(printed[0].contains("a context of 16384 tokens"), "{printed:?}");
+}
+
+#[test]
+fn cached_tokens_count_as_read_and_what_a_filter_stopped_is_not_judged() {
+    let cached = json!({"prompt_tokens": 12, "prompt_tokens_details": {"cached_tokens": 8988}, "completion_tokens": 300});
+    let filtered = json!({"choices": [], "usage": {"prompt_tokens": 5, "completion_tokens": 0},
+        "prompt_filter_results": [{"content_filter_results": {}}]});
+    let server = Server::start(move |before, _| {
+        let mut said: Value = serde_json::from_slice(&chat("{}").body).unwrap();
+        said["usage"] = cached.clone();
+        Some(Reply::json(if before == 0 { said } else { filtered.clone() }))
+    });
+    let client = openai(&server);
+    let long = Message { role: "user".into(), text: "word ".repeat(6_200).as_str().into() };
+    let request = Request { messages: vec![long], ..request(0, "openai_compatible") };
+    let counted = client.live.complete(&request).unwrap().metadata.unwrap();
+    assert_eq!((counted.input_tokens, counted.cached_input_tokens), (Some(9000), Some(8988)));
+    assert!(matches!(client.live.complete(&request), Err(ModelError::Declined { .. })));
+    assert!(client.printed.lock().unwrap().is_empty(), "{:?}", client.printed.lock().unwrap());
 }
 
 #[test]
@@ -596,6 +626,28 @@ fn refusals_empty_and_cut_answers_are_errors_of_their_own() {
     assert!(matches!(&error, ModelError::Truncated { output_tokens, .. } if output_tokens == "200"), "{error}");
     assert!(error.to_string().contains("max_tokens") && error.to_string().contains("incomplete_replies"), "{error}");
     assert_eq!(cut.used(), Tokens::new(9, 200));
+}
+
+#[test]
+fn an_answer_that_stands_beside_the_content_is_named_with_its_field() {
+    let beside = |message: Value, finish| openai(&ended(finish, message)).error().to_string();
+    let reply = beside(json!({"content": null, "reasoning_content": "{\"a\": 1}"}), "stop");
+    assert!(reply.contains("the reply stands in its field `reasoning_content`"), "{reply}");
+    let thought = beside(json!({"content": "", "reasoning": "Let me see."}), "stop");
+    assert!(thought.contains("its model only thought (`reasoning`)"), "{thought}");
+    let cut = beside(json!({"content": "", "reasoning": "Let me see."}), "length");
+    assert!(cut.contains("only thought") && cut.contains("raise max_tokens"), "{cut}");
+    let unknown = beside(json!({"content": "{"}), "");
+    assert!(unknown.contains("its finish reason is \"\"") && unknown.contains("reads them like every reply"), "{unknown}");
+    // Where such answers are kept it is told once.
+    let server = ended("stop", json!({"content": null, "reasoning_content": "{}"}));
+    let options = ClientOptions { incomplete_replies: IncompleteReplies::Keep, ..options(&server.url) };
+    let client = client("openai_compatible", &options, 1_000_000);
+    for _ in 0..2 {
+        assert_eq!(client.ask().unwrap().bytes, b"");
+    }
+    let printed = client.printed.lock().unwrap().clone();
+    assert!(printed.len() == 1 && printed[0].contains("models.m: an answer is empty: the reply stands"), "{printed:?}");
 }
 
 #[test]

@@ -90,7 +90,10 @@ fn chat_table() -> Vec<(&'static str, Answer, Is)> {
         ),
         ("length", choice("length", json!("{")), Incomplete(End::Truncated, b"{")),
         ("an unknown end", choice("eos_or_whatever", json!("{}")), Incomplete(End::Unknown, b"{}")),
-        ("no end", json(json!({"choices": [{"message": {"content": "{}"}}]})), Incomplete(End::Unknown, b"{}")),
+        ("no end", json(json!({"choices": [{"message": {"content": "{}"}}]})), Whole(b"{}")),
+        ("no end of a part", json(json!({"choices": [{"message": {"content": "{"}}]})), Incomplete(End::Unknown, b"{")),
+        ("an empty end", choice("", json!("{}")), Whole(b"{}")),
+        ("an end token", choice("eos_token", json!("{}")), Whole(b"{}")),
         ("a tool nobody asked for", choice("tool_calls", json!(null)), Incomplete(End::Empty, b"")),
         ("an end by the server", choice("error", json!("{\"a\"")), Passing("finish reason error")),
         (

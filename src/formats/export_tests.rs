@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
 
+use super::openscenario::Revision::{V1_0, V1_2};
 use super::scenarionet::read_json as scenarionet_import;
 use super::xml_read::{Document, Element};
 use super::*;
@@ -192,7 +193,16 @@ fn scenarionet_json_gives_back_every_scene() {
 #[test]
 fn a_data_set_counts_what_its_scenes_hold_and_is_imported_as_no_scene() {
     let exported = scenarionet::export(&awkward(), None).unwrap();
-    let scenarionet::Pickled { summary, .. } = scenarionet::pickled(&exported.bytes).unwrap();
+    let scenarionet::Pickled { summary, bytes } = scenarionet::pickled(&exported.bytes).unwrap();
+    // The pickle says of itself what the list says of it: MetaDrive's curriculum asks the pickle.
+    let pickle = scenarionet::pickle::read("f.pkl", &bytes).unwrap();
+    let metadata = pickle.root().get("metadata").unwrap();
+    let moved = |id: &str| metadata.get("object_summary")?.get(id)?.get("moving_distance")?.number();
+    for (id, listed) in summary["object_summary"].as_object().unwrap() {
+        assert_eq!(moved(id), listed["moving_distance"].as_f64(), "{id}");
+    }
+    let objects = metadata.get("number_summary").and_then(|counts| counts.get("num_objects")?.number());
+    assert_eq!(objects, summary["number_summary"]["num_objects"].as_f64());
     let counts = &summary["number_summary"];
     assert_eq!((&counts["num_objects"], &counts["num_objects_each_type"]["OTHER"]), (&7.into(), &2.into()));
     assert_eq!(counts["num_traffic_light_each_step"]["LANE_STATE_CAUTION"], 30);
@@ -339,8 +349,8 @@ fn everything(root: Element<'_>) -> Vec<Element<'_>> {
 #[test]
 fn openscenario_names_only_what_it_defines_and_its_times_increase() {
     for scene in worlds().iter().cloned().chain([two_lane_scene(), awkward(), late_ego()]) {
-        for staging in [None, Some(staging_of(&scene))] {
-            let files = openscenario::export(&scene, staging.as_ref(), "road \"&<.xodr").unwrap();
+        for (staging, revision) in [(None, V1_2), (Some(staging_of(&scene)), V1_2), (Some(staging_of(&scene)), V1_0)] {
+            let files = openscenario::export(&scene, staging.as_ref(), "road \"&<.xodr", revision).unwrap();
             let document = Document::parse("f.xosc", &files.xosc).unwrap();
             let entities = ids(document.root(), "ScenarioObject", "name");
             let expected =
@@ -374,7 +384,7 @@ const OPENSCENARIO_ELEMENTS: &str = "AbsoluteTargetSpeed Act Action Actors Axles
 fn openscenario_has_no_element_that_the_standard_does_not_know() {
     let known: BTreeSet<&str> = OPENSCENARIO_ELEMENTS.split_whitespace().collect();
     for scene in worlds().iter().cloned().chain([awkward(), late_ego()]) {
-        let files = openscenario::export(&scene, Some(&staging_of(&scene)), "r.xodr").unwrap();
+        let files = openscenario::export(&scene, Some(&staging_of(&scene)), "r.xodr", V1_2).unwrap();
         let document = Document::parse("f.xosc", &files.xosc).unwrap();
         for element in everything(document.root()) {
             assert!(known.contains(element.name()), "{}: {}", scene.id, element.place());
@@ -388,7 +398,7 @@ fn openscenario_has_no_element_that_the_standard_does_not_know() {
 fn openscenario_trajectories_are_the_motion_of_the_scene() {
     let scene = &worlds()[1];
     let staging = staging_of(scene);
-    let files = openscenario::export(scene, Some(&staging), "r.xodr").unwrap();
+    let files = openscenario::export(scene, Some(&staging), "r.xodr", V1_2).unwrap();
     let document = Document::parse("f.xosc", &files.xosc).unwrap();
     let all = everything(document.root());
     let ego = all.iter().find(|e| e.name() == "Trajectory").unwrap();
@@ -401,9 +411,56 @@ fn openscenario_trajectories_are_the_motion_of_the_scene() {
 }
 
 #[test]
+fn openscenario_1_0_has_what_scenario_runner_asks_for_and_the_motion_of_1_2() {
+    for scene in worlds().iter().cloned().chain([awkward(), late_ego()]) {
+        let staging = staging_of(&scene);
+        let files = |revision| openscenario::export(&scene, Some(&staging), "r.xodr", revision).unwrap().xosc;
+        let (old, new) = (files(V1_0), files(V1_2));
+        let (old, new) = (Document::parse("0.xosc", &old).unwrap(), Document::parse("2.xosc", &new).unwrap());
+        let header = old.root().child("FileHeader").unwrap();
+        assert_eq!((header.attribute("revMajor"), header.attribute("revMinor")), (Some("1"), Some("0")));
+        assert!(!header.attribute("description").unwrap().starts_with("CARLA:"), "y would change its sign");
+        let (of_old, of_new) = (everything(old.root()), everything(new.root()));
+        for element in &of_old {
+            match element.name() {
+                "Vehicle" => assert_eq!(element.attribute("mass"), None),
+                "Pedestrian" => assert_eq!(element.attribute("model"), element.attribute("name")),
+                "TrajectoryRef" => panic!("{}", element.place()),
+                "Timing" => assert_eq!(element.attribute("domainAbsoluteRelative"), Some("relative")),
+                "FollowTrajectoryAction" => {
+                    let parts: Vec<_> = element.children().map(|part| part.name()).collect();
+                    assert_eq!(parts, ["Trajectory", "TimeReference", "TrajectoryFollowingMode"]);
+                }
+                _ => {}
+            }
+        }
+        // The times of each trajectory begin at 0 and are as far apart as in 1.2; places are the same.
+        let lines = |all: &[Element<'_>]| -> Vec<Vec<(f64, String)>> {
+            let vertex = |v: Element<'_>| {
+                let place = v.child("Position").unwrap().child("WorldPosition").unwrap();
+                (
+                    v.number_attribute("time").unwrap(),
+                    ["x", "y", "h"].map(|name| place.attribute(name).unwrap()).join(" "),
+                )
+            };
+            all.iter().filter(|e| e.name() == "Polyline").map(|e| e.named("Vertex").map(vertex).collect()).collect()
+        };
+        let (of_old, of_new) = (lines(&of_old), lines(&of_new));
+        assert!(!of_old.is_empty() && of_old.len() == of_new.len(), "{}", scene.id);
+        for (old, new) in of_old.iter().zip(&of_new) {
+            let start = new[0].0;
+            assert!(old.len() == new.len() && old[0].0 == 0.0, "{}", scene.id);
+            for (a, b) in old.iter().zip(new) {
+                assert!((a.0 + start - b.0).abs() < 1e-9 && a.1 == b.1, "{}: {a:?} {b:?}", scene.id);
+            }
+        }
+    }
+}
+
+#[test]
 fn opendrive_links_lead_to_roads_and_junctions_that_exist_and_back() {
     for scene in worlds().iter().cloned().chain([two_lane_scene(), awkward(), late_ego()]) {
-        let files = openscenario::export(&scene, None, "r.xodr").unwrap();
+        let files = openscenario::export(&scene, None, "r.xodr", V1_2).unwrap();
         let document = Document::parse("f.xodr", &files.xodr).unwrap();
         let roads: BTreeMap<&str, Element<'_>> =
             document.root().named("road").map(|r| (r.attribute("id").unwrap(), r)).collect();
@@ -435,7 +492,7 @@ fn opendrive_links_lead_to_roads_and_junctions_that_exist_and_back() {
 #[test]
 fn an_exported_road_is_read_back_where_it_was() {
     for scene in worlds() {
-        let files = openscenario::export(scene, None, "r.xodr").unwrap();
+        let files = openscenario::export(scene, None, "r.xodr", V1_2).unwrap();
         let road = super::opendrive::read::road("f.xodr", &files.xodr, &mut super::Imported::default()).unwrap();
         let read = crate::scene::LaneGraph::of(&road);
         for lane in &scene.road.lanes {

@@ -204,7 +204,7 @@ fn names_inside_a_file_lead_nowhere_else() {
     let pool = dir.path().join("p.pool");
     let ran = run(&["scenes", "import", source.to_str().unwrap(), "--out", pool.to_str().unwrap()]);
     assert!([0, 2].contains(&ran.code), "{}", ran.stderr);
-    for format in ["scenarionet", "commonroad", "openscenario"] {
+    for format in ["scenarionet", "commonroad", "openscenario", "openscenario-1.0"] {
         let place = out.join(format);
         run(&["scenes", "export", pool.to_str().unwrap(), "--format", format, "--out", place.to_str().unwrap()]);
     }

@@ -7,6 +7,7 @@ use std::process::Command;
 use std::sync::OnceLock;
 
 use crate::harness::{files, home, named_folder, shared, skip};
+use evodrive::formats::openscenario::Revision;
 use evodrive::formats::xml_read::{Document, Element};
 use evodrive::formats::{Staging, commonroad, import_files, openscenario, scenarionet};
 use evodrive::kernel::Seed;
@@ -157,12 +158,14 @@ fn every_scene_has_an_openscenario_form() {
         let expected = as_exported(scene, staging.as_ref());
         let name = file_name(&expected);
         let road_file = format!("{name}.xodr");
-        let files = openscenario::export(scene, staging.as_ref(), &road_file).unwrap();
-        keep(&format!("{name}.xosc"), &files.xosc);
-        keep(&road_file, &files.xodr);
-        let text = String::from_utf8(files.xosc).unwrap();
-        assert_eq!(text.matches("<ScenarioObject ").count(), expected.tracks.len() + 1, "{}", expected.id);
-        assert!(text.contains(&road_file));
+        for revision in [Revision::V1_0, Revision::V1_2] {
+            let files = openscenario::export(scene, staging.as_ref(), &road_file, revision).unwrap();
+            keep(&format!("{name}.xosc"), &files.xosc);
+            keep(&road_file, &files.xodr);
+            let text = String::from_utf8(files.xosc).unwrap();
+            assert_eq!(text.matches("<ScenarioObject ").count(), expected.tracks.len() + 1, "{}", expected.id);
+            assert!(text.contains(&road_file));
+        }
     }
 }
 

@@ -12,6 +12,7 @@ use crate::cli::scenes::files;
 use crate::cli::studies::{suite_file, suite_scenes};
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::formats::openscenario::Revision;
 use crate::formats::scenarionet::{self, DataSet};
 use crate::formats::{ExportError, Exported, ImportError, Note, Staging, commonroad, openscenario};
 use crate::kernel::Threads;
@@ -50,8 +51,11 @@ pub enum Format {
     Scenarionet,
     /// CommonRoad XML 2020a; importing it gives the same scene.
     Commonroad,
-    /// OpenSCENARIO 1.2 (.xosc) with OpenDRIVE (.xodr), for esmini and CARLA.
+    /// OpenSCENARIO 1.2 (.xosc) with OpenDRIVE (.xodr), for esmini.
     Openscenario,
+    /// OpenSCENARIO 1.0 with OpenDRIVE, the form that CARLA's ScenarioRunner loads.
+    #[value(name = "openscenario-1.0")]
+    Openscenario10,
 }
 
 /// A scene to export, and what a rollout made of it.
@@ -262,9 +266,10 @@ fn export(job: &Job, format: Format) -> Result<Files, ExportError> {
             let Exported { bytes, notes } = commonroad::export(scene, staging)?;
             Ok(Files { files: vec![(format!("{}.xml", job.name), bytes)], notes, listed: None })
         }
-        Format::Openscenario => {
+        Format::Openscenario | Format::Openscenario10 => {
+            let revision = if format == Format::Openscenario { Revision::V1_2 } else { Revision::V1_0 };
             let road_file = format!("{}.xodr", job.name);
-            let made = openscenario::export(scene, staging, &road_file)?;
+            let made = openscenario::export(scene, staging, &road_file, revision)?;
             // The road first: a scenario never lies beside a road that is not there yet.
             let files = vec![(road_file, made.xodr), (format!("{}.xosc", job.name), made.xosc)];
             Ok(Files { files, notes: made.notes, listed: None })

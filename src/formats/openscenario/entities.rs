@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 
 use super::super::staging::height_m;
-use crate::formats::xml_write::{Xml, decimal};
+use super::Revision;
+use crate::formats::xml_write::{Attribute, Xml, decimal};
 use crate::scene::{AgentKind, Scene, Track};
 
 /// A vehicle longer than this is a truck, metres.
@@ -39,10 +40,10 @@ impl<'s> Cast<'s> {
         Cast { members }
     }
 
-    pub fn write(&self, xml: &mut Xml) {
+    pub fn write(&self, xml: &mut Xml, revision: Revision) {
         xml.within("Entities", &[], |xml| {
             for member in &self.members {
-                xml.within("ScenarioObject", &[("name", &member.name)], |xml| member.write(xml));
+                xml.within("ScenarioObject", &[("name", &member.name)], |xml| member.write(xml, revision));
             }
         });
     }
@@ -58,21 +59,25 @@ fn word(kind: AgentKind) -> &'static str {
 }
 
 impl Member<'_> {
-    fn write(&self, xml: &mut Xml) {
+    fn write(&self, xml: &mut Xml, revision: Revision) {
         match self.track.kind {
             AgentKind::Vehicle if self.track.length_m > CAR_LENGTH_M_MAX => {
-                self.vehicle(xml, "truck", "vehicle.carlamotors.firetruck", "12000");
+                self.vehicle(xml, revision, ["truck", "vehicle.carlamotors.firetruck", "12000"]);
             }
-            AgentKind::Vehicle => self.vehicle(xml, "car", "vehicle.tesla.model3", "1500"),
-            AgentKind::Cyclist => self.vehicle(xml, "bicycle", "vehicle.diamondback.century", "90"),
-            AgentKind::Pedestrian => xml.within(
-                "Pedestrian",
-                &[("name", &"walker.pedestrian.0001"), ("mass", &"75"), ("pedestrianCategory", &"pedestrian")],
-                |xml| {
+            AgentKind::Vehicle => self.vehicle(xml, revision, ["car", "vehicle.tesla.model3", "1500"]),
+            AgentKind::Cyclist => self.vehicle(xml, revision, ["bicycle", "vehicle.diamondback.century", "90"]),
+            AgentKind::Pedestrian => {
+                let model = "walker.pedestrian.0001";
+                let mut attributes: Vec<Attribute<'_>> =
+                    vec![("name", &model), ("mass", &"75"), ("pedestrianCategory", &"pedestrian")];
+                if revision == Revision::V1_0 {
+                    attributes.push(("model", &model));
+                }
+                xml.within("Pedestrian", &attributes, |xml| {
                     self.bounding_box(xml);
                     self.properties(xml);
-                },
-            ),
+                });
+            }
             AgentKind::Static => xml.within(
                 "MiscObject",
                 &[("name", &"static.prop.streetbarrier"), ("mass", &"100"), ("miscObjectCategory", &"obstacle")],
@@ -84,10 +89,14 @@ impl Member<'_> {
         }
     }
 
-    fn vehicle(&self, xml: &mut Xml, category: &str, model: &str, mass_kg: &str) {
+    fn vehicle(&self, xml: &mut Xml, revision: Revision, [category, model, mass_kg]: [&str; 3]) {
         let half = decimal(0.5 * WHEELBASE_SHARE * self.track.length_m);
         let track_width = decimal(0.85 * self.track.width_m);
-        xml.within("Vehicle", &[("name", &model), ("vehicleCategory", &category), ("mass", &mass_kg)], |xml| {
+        let mut attributes: Vec<Attribute<'_>> = vec![("name", &model), ("vehicleCategory", &category)];
+        if revision == Revision::V1_2 {
+            attributes.push(("mass", &mass_kg));
+        }
+        xml.within("Vehicle", &attributes, |xml| {
             self.bounding_box(xml);
             xml.empty("Performance", &[("maxSpeed", &"100"), ("maxAcceleration", &"10"), ("maxDeceleration", &"10")]);
             xml.within("Axles", &[], |xml| {

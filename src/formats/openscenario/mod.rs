@@ -1,5 +1,5 @@
-//! OpenSCENARIO XML 1.2 with OpenDRIVE: every road user, also the ego, follows its own trajectory by absolute time, so
-//! that esmini and CARLA's ScenarioRunner play the recording or the rollout.
+//! OpenSCENARIO XML with OpenDRIVE: every road user, also the ego, follows its own trajectory by time, so that a player shows the
+//! recording or the rollout. Revision 1.2 is the form for esmini, 1.0 the one that CARLA's ScenarioRunner loads.
 //!
 //! Simulation time 0 is step 0 of the scene. Positions are centres of bounding boxes, so the box's centre in an
 //! entity's own axes is 0. A road user that comes later, leaves earlier, or has gaps is added and deleted by events.
@@ -18,6 +18,15 @@ use super::xml_write::{Xml, decimal};
 use crate::scene::{DT_S, LightState, Scene};
 use entities::Cast;
 
+/// A revision of OpenSCENARIO XML.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Revision {
+    /// 1.0, the only one that CARLA's ScenarioRunner reads.
+    V1_0,
+    /// 1.2.
+    V1_2,
+}
+
 /// The two files of an OpenSCENARIO export.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OpenScenario {
@@ -34,7 +43,12 @@ pub struct OpenScenario {
 ///
 /// # Errors
 /// The scene breaks a rule of a sound scene or has no lane, or the staging does not fit it.
-pub fn export(scene: &Scene, staging: Option<&Staging>, road_file: &str) -> Result<OpenScenario, ExportError> {
+pub fn export(
+    scene: &Scene,
+    staging: Option<&Staging>,
+    road_file: &str,
+    revision: Revision,
+) -> Result<OpenScenario, ExportError> {
     let mut notes = Vec::new();
     let played = staged(scene, staging, &mut notes)?;
     let scene = played.as_ref();
@@ -45,11 +59,11 @@ pub fn export(scene: &Scene, staging: Option<&Staging>, road_file: &str) -> Resu
     let cast = Cast::of(scene);
     let mut xml = Xml::new();
     xml.open("OpenSCENARIO", &[]);
-    header(&mut xml, scene);
+    header(&mut xml, scene, revision);
     xml.empty("CatalogLocations", &[]);
     road_network(&mut xml, scene, road_file);
-    cast.write(&mut xml);
-    story::write(&mut xml, scene, &cast);
+    cast.write(&mut xml, revision);
+    story::write(&mut xml, scene, &cast, revision);
     notes.push(Note::new(
         "",
         "these files cannot be imported again; to bring a scene back, export CommonRoad or ScenarioNet JSON",
@@ -64,14 +78,19 @@ pub fn export(scene: &Scene, staging: Option<&Staging>, road_file: &str) -> Resu
     Ok(OpenScenario { xosc: xml.finish(), xodr, notes })
 }
 
-fn header(xml: &mut Xml, scene: &Scene) {
+fn header(xml: &mut Xml, scene: &Scene, revision: Revision) {
+    let (minor, description) = match revision {
+        // ScenarioRunner takes y and headings with the other sign where a description begins with "CARLA:".
+        Revision::V1_0 => (0, format!("EvoDrive: {}", scene.id)),
+        Revision::V1_2 => (2, scene.id.clone()),
+    };
     xml.empty(
         "FileHeader",
         &[
             ("revMajor", &1),
-            ("revMinor", &2),
+            ("revMinor", &minor),
             ("date", &"2020-01-01T00:00:00"),
-            ("description", &scene.id),
+            ("description", &description),
             ("author", &"EvoDrive"),
         ],
     );

@@ -4,18 +4,18 @@ use std::ops::Range;
 
 use super::super::staging::stretches;
 use super::entities::{Cast, Member};
-use super::seconds;
+use super::{Revision, seconds};
 use crate::formats::xml_write::{Xml, decimal};
 use crate::scene::{Sample, Scene, Track};
 
-pub(super) fn write(xml: &mut Xml, scene: &Scene, cast: &Cast<'_>) {
+pub(super) fn write(xml: &mut Xml, scene: &Scene, cast: &Cast<'_>, revision: Revision) {
     xml.within("Storyboard", &[], |xml| {
         xml.within("Init", &[], |xml| {
             xml.within("Actions", &[], |xml| cast.members.iter().for_each(|member| init(xml, member)));
         });
         xml.within("Story", &[("name", &"story")], |xml| {
             xml.within("Act", &[("name", &"act")], |xml| {
-                cast.members.iter().for_each(|member| part(xml, member));
+                cast.members.iter().for_each(|member| part(xml, member, revision));
                 xml.within("StartTrigger", &[], |xml| after(xml, "act starts", 0));
             });
         });
@@ -46,7 +46,7 @@ fn init(xml: &mut Xml, member: &Member<'_>) {
 }
 
 /// Every road user has a group. One without an event stays where Init put it.
-fn part(xml: &mut Xml, member: &Member<'_>) {
+fn part(xml: &mut Xml, member: &Member<'_>, revision: Revision) {
     let name = &member.name;
     let parts = stretches(member.track, 0);
     let moves = parts.iter().any(|range| range.start > 0 || range.len() > 1 || leaves(member, range));
@@ -56,7 +56,9 @@ fn part(xml: &mut Xml, member: &Member<'_>) {
         });
         if moves {
             xml.within("Maneuver", &[("name", &format!("maneuver_{name}"))], |xml| {
-                parts.iter().enumerate().for_each(|(number, range)| stretch(xml, member, number, range));
+                for (number, range) in parts.iter().enumerate() {
+                    stretch(xml, member, number, range, revision);
+                }
             });
         }
     });
@@ -68,7 +70,7 @@ fn leaves(member: &Member<'_>, range: &Range<usize>) -> bool {
 }
 
 /// It comes, follows its trajectory and goes.
-fn stretch(xml: &mut Xml, member: &Member<'_>, number: usize, range: &Range<usize>) {
+fn stretch(xml: &mut Xml, member: &Member<'_>, number: usize, range: &Range<usize>, revision: Revision) {
     let Member { name, track, .. } = member;
     let Some(first) = track.at(range.start) else { return };
     if range.start > 0 {
@@ -80,7 +82,10 @@ fn stretch(xml: &mut Xml, member: &Member<'_>, number: usize, range: &Range<usiz
         event(xml, &format!("follow_{name}_{number}"), range.start, |xml| {
             xml.within("PrivateAction", &[], |xml| {
                 xml.within("RoutingAction", &[], |xml| {
-                    xml.within("FollowTrajectoryAction", &[], |xml| follow(xml, name, number, track, range));
+                    xml.within("FollowTrajectoryAction", &[], |xml| {
+                        let named = format!("trajectory_{name}_{number}");
+                        follow(xml, &named, track, range, revision);
+                    });
                 });
             });
         });
@@ -92,21 +97,31 @@ fn stretch(xml: &mut Xml, member: &Member<'_>, number: usize, range: &Range<usiz
     }
 }
 
-fn follow(xml: &mut Xml, name: &str, number: usize, track: &Track, range: &Range<usize>) {
-    xml.within("TrajectoryRef", &[], |xml| {
-        xml.within("Trajectory", &[("name", &format!("trajectory_{name}_{number}")), ("closed", &"false")], |xml| {
+/// 1.0 has no `TrajectoryRef`. Its times count from the start of the action, because ScenarioRunner reads them so whatever
+/// `TimeReference` says.
+fn follow(xml: &mut Xml, name: &str, track: &Track, range: &Range<usize>, revision: Revision) {
+    let (from, domain) = match revision {
+        Revision::V1_0 => (range.start, "relative"),
+        Revision::V1_2 => (0, "absolute"),
+    };
+    let trajectory = |xml: &mut Xml| {
+        xml.within("Trajectory", &[("name", &name), ("closed", &"false")], |xml| {
             xml.within("Shape", &[], |xml| {
                 xml.within("Polyline", &[], |xml| {
                     for step in range.clone() {
                         let Some(sample) = track.at(step) else { continue };
-                        xml.within("Vertex", &[("time", &seconds(step))], |xml| position(xml, sample));
+                        xml.within("Vertex", &[("time", &seconds(step - from))], |xml| position(xml, sample));
                     }
                 });
             });
         });
-    });
+    };
+    match revision {
+        Revision::V1_0 => trajectory(xml),
+        Revision::V1_2 => xml.within("TrajectoryRef", &[], trajectory),
+    }
     xml.within("TimeReference", &[], |xml| {
-        xml.empty("Timing", &[("domainAbsoluteRelative", &"absolute"), ("scale", &1), ("offset", &0)]);
+        xml.empty("Timing", &[("domainAbsoluteRelative", &domain), ("scale", &1), ("offset", &0)]);
     });
     xml.empty("TrajectoryFollowingMode", &[("followingMode", &"position")]);
 }

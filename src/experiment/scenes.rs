@@ -101,8 +101,9 @@ fn each(
     Pool::new(scenes.into_iter().collect::<Result<Vec<Scene>, _>>().map_err(unusable)?, Vec::new()).map_err(unusable)
 }
 
-/// Waymo numbers its files behind the ending: `training.tfrecord-00000-of-01000`.
+/// Waymo numbers its files behind the ending: `training.tfrecord-00000-of-01000`. Each may be packed.
 fn is_scenario_file(name: &str) -> bool {
+    let name = name.strip_suffix(".gz").unwrap_or(name);
     SCENARIO_ENDINGS.iter().any(|ending| name.ends_with(ending)) || name.contains(".tfrecord-")
 }
 

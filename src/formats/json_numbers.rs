@@ -3,6 +3,7 @@
 
 use std::borrow::Cow;
 
+use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
 /// Words that no JSON has and Python's `json.dump` writes.
@@ -50,6 +51,24 @@ pub fn number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Erro
 pub fn numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
     let given = Option::<Vec<Option<f64>>>::deserialize(deserializer)?.unwrap_or_default();
     Ok(given.into_iter().map(|number| number.unwrap_or(f64::NAN)).collect())
+}
+
+/// Flags, as `true` and `false` or as 1 and 0, which some programs write; `null` is no.
+pub fn flags<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<bool>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "true, false, 1 or 0")]
+    enum Flag {
+        Word(bool),
+        Number(f64),
+    }
+    let given = Vec::<Option<Flag>>::deserialize(deserializer)?;
+    let flag = |flag| match flag {
+        None => Ok(false),
+        Some(Flag::Word(flag)) => Ok(flag),
+        Some(Flag::Number(number)) if number == 0.0 || number == 1.0 => Ok(number == 1.0),
+        Some(Flag::Number(number)) => Err(D::Error::custom(format!("expected true, false, 1 or 0, found {number}"))),
+    };
+    given.into_iter().map(flag).collect()
 }
 
 #[cfg(test)]

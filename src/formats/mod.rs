@@ -29,6 +29,7 @@ pub mod staging;
 pub mod summary;
 pub mod topology;
 pub mod waymo;
+mod wrapped;
 pub mod xml_read;
 pub mod xml_write;
 

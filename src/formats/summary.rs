@@ -9,6 +9,7 @@ use super::log::SampleTimes;
 use super::scenarionet::pickle::is_headless;
 use super::scenarionet::{DATA_SET_FILES, pickle_name};
 use super::waymo::tfrecord::Records;
+use super::wrapped::{foreign, foreign_root, unwrapped, unwrapped_head};
 use super::{
     commonroad::read as commonroad,
     gpudrive,
@@ -46,10 +47,10 @@ pub enum Part {
 
 /// The role of a file, recognised by its first [`HEAD_BYTES`] bytes.
 pub fn part(head: &[u8]) -> Part {
-    let head = &head[..head.len().min(HEAD_BYTES)];
-    if has_root(head, b"<routes") {
+    let head = unwrapped_head(&head[..head.len().min(HEAD_BYTES)], HEAD_BYTES);
+    if has_root(&head, b"<routes") {
         Part::Routes
-    } else if has_root(head, b"<OpenDRIVE") || safebench::looks_like_scenarios(head) {
+    } else if has_root(&head, b"<OpenDRIVE") || safebench::looks_like_scenarios(&head) {
         Part::Beside
     } else {
         Part::Alone
@@ -69,6 +70,9 @@ impl BesideRoutes {
     /// Reads a file that is [`Part::Beside`]. If it cannot be read, the reason is reported when the file itself is
     /// imported.
     pub fn add(&mut self, name: &str, bytes: &[u8]) {
+        // What cannot be unwrapped says so when it is imported.
+        let Ok(bytes) = unwrapped(name, bytes) else { return };
+        let bytes = bytes.as_ref();
         let mut imported = Imported::default();
         let read = if has_root(bytes, b"<OpenDRIVE") {
             opendrive::road(name, bytes, &mut imported).and_then(|road| self.found.add_town(name, road))
@@ -93,6 +97,11 @@ pub struct FileScenes {
 /// Reads one file of a list. `beside` holds the files that routes need, if the list has routes. A bad file gives no
 /// scene, and the reason is in `left_out`.
 pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>, times: SampleTimes) -> FileScenes {
+    let bytes = match unwrapped(name, bytes) {
+        Ok(bytes) => bytes,
+        Err(error) => return FileScenes::left_out(name, reason(&error)),
+    };
+    let bytes = bytes.as_ref();
     let imported = match (part(bytes), beside) {
         // Such a file gives no scene, only the reason if it could not be read.
         (Part::Beside, Some(beside)) => {
@@ -238,6 +247,8 @@ fn has_root(bytes: &[u8], element: &[u8]) -> bool {
 
 /// Imports one file of any format. The format is recognised by the content, never by the name.
 pub fn import_file(file: &str, bytes: &[u8], times: SampleTimes) -> Result<Imported, ImportError> {
+    let bytes = unwrapped(file, bytes)?;
+    let bytes = bytes.as_ref();
     let head = &bytes[..bytes.len().min(HEAD_BYTES)];
     let holds = |needle: &[u8]| head.windows(needle.len()).any(|window| window == needle);
     let first = head.iter().find(|b| !b.is_ascii_whitespace() && !matches!(b, 0xef | 0xbb | 0xbf));
@@ -255,8 +266,8 @@ pub fn import_file(file: &str, bytes: &[u8], times: SampleTimes) -> Result<Impor
         if holds(b"<routes") {
             return safebench::import(file, bytes, &safebench::Library::default());
         }
-        let remedy = "EvoDrive reads CommonRoad XML; convert the file or leave it out";
-        return Err(ImportError::new(file, "line 1", "a root element <commonRoad>", remedy));
+        let (found, remedy) = foreign_root(holds);
+        return Err(ImportError::new(file, "line 1", format!("a root element <commonRoad>, found {found}"), remedy));
     }
     let marked = bytes.strip_prefix(b"\xef\xbb\xbf");
     if [bytes, marked.unwrap_or(bytes)].iter().any(|from| from.first() == Some(&0x80)) || is_headless(bytes) {
@@ -289,6 +300,9 @@ pub fn import_file(file: &str, bytes: &[u8], times: SampleTimes) -> Result<Impor
     if Records::looks_like(bytes) {
         return waymo::import_timed(file, bytes, times);
     }
-    let remedy = "see `evodrive scenes import --help` for the formats that are read";
-    Err(ImportError::new(file, "byte 0", "a scene file of a known format", remedy))
+    let (found, remedy) = foreign(bytes).map_or_else(
+        || (String::new(), "see `evodrive scenes import --help` for the formats that are read"),
+        |(name, remedy)| (format!(", found {name}"), remedy),
+    );
+    Err(ImportError::new(file, "byte 0", format!("a scene file of a known format{found}"), remedy))
 }

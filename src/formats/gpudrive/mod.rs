@@ -10,7 +10,7 @@ use super::centreline::Across;
 use super::derived::kind_named;
 use super::import_error::{ImportError, shown};
 use super::imported::Imported;
-use super::json_numbers::{number, numbers, without_nan};
+use super::json_numbers::{flags, number, numbers, without_nan};
 use super::log::{Log, LogLane, LogLight, LogTrack, SampleTimes};
 use super::scenarionet::read::finish;
 use crate::kernel::{Vec2, num};
@@ -84,6 +84,7 @@ struct Object {
     velocity: Option<Vec<Option<Point>>>,
     #[serde(default, deserialize_with = "numbers")]
     heading: Vec<f64>,
+    #[serde(deserialize_with = "flags")]
     valid: Vec<bool>,
     #[serde(default, deserialize_with = "number")]
     length: f64,

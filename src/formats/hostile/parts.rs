@@ -536,3 +536,73 @@ fn times_of_a_description_are_not_read_where_that_is_asked_for() {
         assert_ne!(read(&slow, SampleTimes::Recorded).scenes, plain.scenes);
     }
 }
+
+#[test]
+fn a_packed_file_gives_what_is_in_it_and_beside_routes_too() {
+    use std::io::Write;
+    let packed = |bytes: &[u8]| {
+        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        encoder.write_all(bytes).unwrap();
+        encoder.finish().unwrap()
+    };
+    for format in [JSON, PICKLE, GPU, CR, WAYMO] {
+        let plain = import_files(&[("f", whole(format))]);
+        assert!(!plain.scenes.is_empty() && import_files(&[("f", packed(&whole(format)))]) == plain, "{format}");
+    }
+    let road = opendrive::tests::TURN.as_bytes();
+    let alone = import_files(&[("T.xodr", packed(road))]);
+    assert!(alone.left_out[0].reason.contains("a road network of"), "{:?}", alone.left_out);
+    assert_eq!(crate::formats::summary::part(&packed(road)), crate::formats::summary::Part::Beside);
+}
+
+#[test]
+fn a_file_in_latin_1_is_read_as_the_same_in_utf_8() {
+    let text = String::from_utf8(whole(CR)).unwrap();
+    let declared = text.replacen("UTF-8", "ISO-8859-1", 1);
+    assert_ne!(declared, text, "the file declares its encoding");
+    let named = declared.replacen("author=\"", "author=\"J\u{fc}rgen ", 1);
+    assert_ne!(named, declared, "the file has an author");
+    let latin_1: Vec<u8> = named.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect();
+    let read = import_files(&[("f.xml", latin_1)]);
+    assert_eq!(read.scenes, import_files(&[("f.xml", text.into_bytes())]).scenes, "{:?}", read.left_out);
+}
+
+#[test]
+fn flags_may_be_ones_and_zeros() {
+    let seen = |k: usize| k != 5;
+    for number in [true, false] {
+        let flag = |k: usize| if number { json!(i32::from(seen(k))) } else { json!(f64::from(u8::from(seen(k)))) };
+        let plain = import_files(&[("f", gpu(|g| g["objects"][0]["valid"] = (0..91).map(seen).collect()))]);
+        let read = import_files(&[("f", gpu(|g| g["objects"][0]["valid"] = (0..91).map(flag).collect()))]);
+        assert_eq!((read.scenes.len(), &read.scenes), (1, &plain.scenes));
+        let change =
+            |of: &dyn Fn(usize) -> Value| described(|s| s["tracks"]["2"]["state"]["valid"] = (0..91).map(of).collect());
+        let plain = change(&|k| json!(seen(k)));
+        for bytes in [text as fn(&Value) -> Vec<u8>, pickled] {
+            let read = |value: &Value| import_files(&[("f", bytes(value))]).scenes;
+            assert_eq!(read(&change(&flag)), read(&plain));
+        }
+    }
+    let two = import_files(&[("f", gpu(|g| g["objects"][0]["valid"][3] = json!(2)))]);
+    assert!(two.left_out[0].reason.contains("true, false, 1 or 0"), "{:?}", two.left_out);
+}
+
+#[test]
+fn files_of_others_are_named_with_what_to_do() {
+    for (bytes, words) in [
+        (b"PK\x03\x04....".as_slice(), "a ZIP archive"),
+        (b"PAR1....", "Argoverse 2"),
+        (b"SQLite format 3\0", "nuPlan"),
+        (b"version https://git-lfs.github.com/spec/v1", "git lfs pull"),
+        (b"track_id,frame_id,timestamp_ms", "INTERACTION"),
+        (b"<?xml version='1.0'?><osm version='0.6'/>", "Lanelet2"),
+        (b"<?xml version='1.0'?><OpenSCENARIO/>", "written and not read"),
+    ] {
+        let read = import_files(&[("f", bytes)]);
+        assert!(read.left_out[0].reason.contains(words), "{words}: {:?}", read.left_out);
+    }
+    // The older form of Waymo's data: a map from names to features.
+    let example = b"\x0a\x20\x0a\x1e\x0a\x18roadgraph_samples/valid\x12\x02\x0a\x00".to_vec();
+    let read = import_files(&[("training_tfexample.tfrecord", crate::formats::waymo::tfrecord::written(&[example]))]);
+    assert!(read.left_out[0].reason.contains("folder `scenario` in place of `tf_example`"), "{:?}", read.left_out);
+}

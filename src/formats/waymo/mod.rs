@@ -244,6 +244,11 @@ fn read(file_name: &str, bytes: &[u8], times: SampleTimes, parts_max: usize) -> 
             Err(error) if index == 0 => return Err(error),
             record => record,
         };
+        if index == 0 && data.as_ref().is_ok_and(|data| is_tf_example(data)) {
+            let expected = "a Scenario message, found a tf.Example: the older form of the same data set";
+            let remedy = "fetch the files of its folder `scenario` in place of `tf_example`, which has no whole lanes";
+            return Err(ImportError::new(file_name, "record 0", expected, remedy));
+        }
         let mut one = Imported::default();
         match data.and_then(|data| scenario(file_name, index, data, &mut one)) {
             Ok(log) => {
@@ -258,6 +263,12 @@ fn read(file_name: &str, bytes: &[u8], times: SampleTimes, parts_max: usize) -> 
         imported.absorb(one);
     }
     Ok(imported)
+}
+
+/// Whether a record is of Waymo's older form, a map from names of features to lists.
+fn is_tf_example(data: &[u8]) -> bool {
+    const NAMES: [&[u8]; 3] = [b"roadgraph_samples/", b"state/current/", b"scenario/id"];
+    data.first() == Some(&0x0a) && NAMES.iter().any(|name| data.windows(name.len()).any(|window| window == *name))
 }
 
 fn map_points(scene: &Scene) -> usize {

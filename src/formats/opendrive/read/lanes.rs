@@ -1,4 +1,4 @@
-//! Reads lane sections: offsets and widths become lanes in driving direction, with their neighbours across the section.
+//! Reads lane sections: offsets, widths and borders become lanes in driving direction, with their neighbours across the section.
 
 use super::plan_view::{self, Geometry};
 use super::{Network, ROAD_LENGTH_MAX_M, cubic, cubics};
@@ -90,20 +90,29 @@ impl Stretch<'_> {
             for (lane_id, lane) in &lanes {
                 // Widths add up from the middle outwards: beyond a lane of unknown width nobody knows where a lane lies.
                 let outer = what(&format!("lane {lane_id} and those beyond it"));
-                let Some(widths) = imported.read(&outer, cubics(lane, "width", "sOffset"), "the inner lanes are kept")
-                else {
+                let Some(outline) = imported.read(&outer, Outline::of(lane), "the inner lanes are kept") else {
                     break;
                 };
                 let kind = kind(lane, self.road);
                 let mut points = Vec::with_capacity(stations.len());
                 for (k, pose) in poses.iter().enumerate() {
-                    let width = cubic(&widths, stations[k] - self.from_m).max(0.0);
+                    let width = outline.width_m(stations[k] - self.from_m, inner[k], side);
                     let middle = inner[k] + side * 0.5 * width;
                     let centre = pose.position + Vec2::from_heading(pose.heading_rad).left() * middle;
                     points.push(Across { centre, left_m: 0.5 * width, right_m: 0.5 * width });
                     inner[k] += side * width;
                 }
                 let Some(kind) = kind else { continue };
+                if points.iter().all(|point| 2.0 * point.left_m < WIDTH_MIN_M)
+                    && let Some(expected) = outline.without_room()
+                {
+                    imported.leave_out_for(
+                        what(&format!("lane {lane_id}")),
+                        &lane.refuse(expected),
+                        "the other lanes are kept",
+                    );
+                    continue;
+                }
                 if let Some(ix) = self.push(network, *lane_id, lane, kind, points, imported)? {
                     across.push((*lane_id, ix));
                 }
@@ -183,6 +192,43 @@ impl Stretch<'_> {
     /// Speed limit of the last road type that starts at or before the section.
     fn road_speed(&self) -> Option<f64> {
         self.types.iter().rfind(|(from_m, _)| *from_m <= self.from_m + 1e-9).and_then(|(_, limit)| *limit)
+    }
+}
+
+/// How far a lane reaches, as records along its section.
+enum Outline {
+    /// Its width.
+    Widths(Vec<(f64, [f64; 4])>),
+    /// The place of its outer border, measured from the reference line: to the left above 0, to the right below.
+    Border(Vec<(f64, [f64; 4])>),
+}
+
+impl Outline {
+    /// Widths count where both stand in the file.
+    fn of(lane: &Element<'_>) -> Result<Outline, ImportError> {
+        if lane.child("width").is_none() && lane.child("border").is_some() {
+            return cubics(lane, "border", "sOffset").map(Outline::Border);
+        }
+        cubics(lane, "width", "sOffset").map(Outline::Widths)
+    }
+
+    /// The width `s_m` into the section, of a lane whose inner border lies at `inner_m`.
+    fn width_m(&self, s_m: f64, inner_m: f64, side: f64) -> f64 {
+        match self {
+            Outline::Widths(widths) => cubic(widths, s_m).max(0.0),
+            Outline::Border(border) => (side * (cubic(border, s_m) - inner_m)).max(0.0),
+        }
+    }
+
+    /// What was expected of a lane that has no room anywhere. A width of 0 is the file's own word.
+    fn without_room(&self) -> Option<&'static str> {
+        match self {
+            Outline::Widths(widths) if widths.is_empty() => Some("a <width> or a <border>"),
+            Outline::Widths(_) => None,
+            Outline::Border(_) => {
+                Some("a <border> beyond the lane's inner border (below 0 on the right, above 0 on the left)")
+            }
+        }
     }
 }
 

@@ -179,6 +179,44 @@ pub(in crate::formats) mod tests {
     }
 
     #[test]
+    fn a_border_says_the_same_as_a_width_and_what_gives_no_room_is_named() {
+        let of = |text: &str| {
+            let mut imported = Imported::default();
+            (road("f.xodr", text.as_bytes(), &mut imported).unwrap(), imported.left_out)
+        };
+        // Lanes of 3.5 and 3 m on the right of road 1, 3 m on its left, in metres from the reference line.
+        let bordered = TURN
+            .replacen("<width sOffset=\"0\" a=\"3.5\"", "<border sOffset=\"0\" a=\"-3.5\"", 1)
+            .replacen(
+                "<link><successor id=\"-2\"/></link><width sOffset=\"0\" a=\"3\"",
+                "<link><successor id=\"-2\"/></link><border sOffset=\"0\" a=\"-6.5\"",
+                1,
+            )
+            .replacen(
+                "<left><lane id=\"1\" type=\"driving\"><width sOffset=\"0\" a=\"3\"",
+                "<left><lane id=\"1\" type=\"driving\"><border sOffset=\"0\" a=\"3\"",
+                1,
+            );
+        assert_eq!(bordered.matches("<border ").count(), 3);
+        // A sidewalk by width beyond a lane by border.
+        assert_eq!(of(&bordered), of(TURN));
+        let both = TURN.replacen(
+            "<width sOffset=\"0\" a=\"3.5\"",
+            "<border sOffset=\"0\" a=\"-9\" b=\"0\" c=\"0\" d=\"0\"/><width sOffset=\"0\" a=\"3.5\"",
+            1,
+        );
+        assert_eq!(of(&both), of(TURN), "widths count where both stand");
+        for (from, to, expected) in [
+            ("a=\"-3.5\"", "a=\"3.5\"", "a <border> beyond the lane's inner border"),
+            ("<border sOffset=\"0\" a=\"-3.5\" b=\"0\" c=\"0\" d=\"0\"/>", "", "a <width> or a <border>"),
+        ] {
+            let (_, left_out) = of(&bordered.replacen(from, to, 1));
+            let named = left_out.iter().find(|left| left.reason.contains(expected));
+            assert!(named.is_some_and(|left| left.what.starts_with("lane -1 ")), "{expected}: {left_out:?}");
+        }
+    }
+
+    #[test]
     fn damaged_and_hostile_networks_are_refused_by_place() {
         let refusal = |from: &str, to: &str| {
             assert!(TURN.contains(from), "{from}");

@@ -1,5 +1,5 @@
-"""Loads exported folders as data sets of MetaDrive, compares their summaries with MetaDrive's own, and rolls each scene out
-with the ego on its log: it must be where the log says at every step."""
+"""Loads exported folders as data sets of MetaDrive, compares their summaries with MetaDrive's own, rolls each scene out with the
+ego on its log, which must be where the log says at every step, and sorts the scenes into a curriculum of two levels."""
 
 import math
 import os
@@ -30,6 +30,9 @@ def check_summary(folder, file, entry):
     for key in ("number_summary", "object_summary"):
         if plain(theirs[key]) != plain(entry[key]):
             raise ValueError(f"{key} is {entry[key]}, MetaDrive counts {theirs[key]}")
+        own = read_scenario_data(path)["metadata"].get(key)
+        if own is None or plain(own) != plain(entry[key]):
+            raise ValueError(f"{key} of the pickle itself is {own}, the list has {entry[key]}")
 
 
 def roll_out(env, place):
@@ -47,22 +50,26 @@ def roll_out(env, place):
             return step, worst
 
 
+def made(folder, **options):
+    return ScenarioEnv(
+        dict(
+            use_render=False,
+            log_level=50,
+            data_directory=folder,
+            agent_policy=ReplayEgoCarPolicy,
+            horizon=1200,
+            **options,
+        )
+    )
+
+
 def check(folder):
     summary, files, mapping = read_dataset_summary(folder)
     if not all(os.path.exists(os.path.join(folder, name)) for name in ("dataset_summary.pkl", "dataset_mapping.pkl")):
         raise ValueError(f"{folder} lacks the files of a data set")
     for file in files:
         check_summary(folder, os.path.join(mapping[file], file), summary[file])
-    env = ScenarioEnv(
-        dict(
-            use_render=False,
-            log_level=50,
-            data_directory=folder,
-            num_scenarios=len(files),
-            agent_policy=ReplayEgoCarPolicy,
-            horizon=1200,
-        )
-    )
+    env = made(folder, num_scenarios=len(files))
     failed = 0
     for place, file in enumerate(files):
         try:
@@ -74,6 +81,10 @@ def check(folder):
             failed += 1
             print(f"{os.path.basename(folder)}/{file}: {type(error).__name__}: {error}", flush=True)
     env.close()
+    if len(files) > 1:
+        env = made(folder, num_scenarios=len(files) // 2 * 2, curriculum_level=2, sequential_seed=True)
+        env.reset()
+        env.close()
     return len(files), failed
 
 

@@ -81,9 +81,24 @@ pub fn pickled(description: &[u8]) -> Result<Pickled, ImportError> {
         // A scene is flat.
         "map_height_diff": 0.0,
     });
+    // MetaDrive sorts the scenes of a curriculum by what a pickle itself says of them.
+    let summaries = json!({"object_summary": objects, "number_summary": number_summary});
+    let summarised =
+        with_metadata(description, &summaries).ok_or_else(|| root.refuse("a description with metadata"))?;
     summary.insert("object_summary".into(), Value::Object(objects));
     summary.insert("number_summary".into(), number_summary);
-    Ok(Pickled { bytes: pickle::write(&root, Lists::Arrays), summary: Value::Object(summary) })
+    let bytes = pickle::write(&pickle::read_json("description", &summarised)?.root(), Lists::Arrays);
+    Ok(Pickled { bytes, summary: Value::Object(summary) })
+}
+
+/// The description's text with further keys in its metadata. Every other byte stays, so no number is read and written again.
+fn with_metadata(description: &[u8], further: &Value) -> Option<Vec<u8>> {
+    // A quote inside a text has a backslash before it, so this is the key and no part of an id.
+    const KEY: &[u8] = b",\"metadata\":{";
+    let at = description.windows(KEY.len()).position(|window| window == KEY)? + KEY.len();
+    let further = further.to_string();
+    let inside = further.strip_prefix('{')?.strip_suffix('}')?;
+    Some([&description[..at], inside.as_bytes(), b",", &description[at..]].concat())
 }
 
 /// A road user's kind, how long it is seen, and how far it moves, metres.

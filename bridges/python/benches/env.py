@@ -68,7 +68,7 @@ class Ours:
     def __init__(self, src, observation, places, threads, steps):
         self.name = f"evodrive {observation}, {places} environments, {threads} thread{'s' * (threads > 1)}"
         self.observation, self.steps, self.places, self.threads = observation, steps, places, threads
-        self.env = eg.VecEnv(src, places, threads, observation, seed=0)
+        self.env = eg.VecEnv(src, places, threads, observation, seed=0, copy=False)
         self.env._native = Engine(self.env._native)
         self.obs, _ = self.env.reset()
 

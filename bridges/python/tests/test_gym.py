@@ -1,5 +1,6 @@
 """Environments: Gymnasium's own checks, what is handed out held against rollouts of the program, and every bad input."""
 
+import copy
 import json
 import multiprocessing
 import subprocess
@@ -98,8 +99,20 @@ def test_a_vector_is_its_environments_side_by_side(src, mode, observation):
     assert ended > 10
 
 
-def test_what_a_step_returned_stays_during_the_next_one(src):
-    env = eg.VecEnv(src, 3, seed=1)
+@pytest.mark.parametrize("observation", ["metadrive-1", "arrays-1"])
+def test_what_a_step_returned_is_the_caller_s_own(src, observation):
+    env = eg.VecEnv(src, 3, observation=observation, seed=1)
+    kept, copies = [], []
+    for k in range(300):
+        out = env.step(np.full((3, 2), 0.5, np.float32)) if k else env.reset()
+        kept.append((out[0], out[-1]))
+        copies.append(copy.deepcopy(kept[-1]))
+    assert any("final_obs" in info for _, info in kept), "an episode ended"
+    np.testing.assert_equal(kept, copies)
+
+
+def test_views_stay_during_the_next_step_where_they_are_asked_for(src):
+    env = eg.VecEnv(src, 3, seed=1, copy=False)
     first, _ = env.reset()
     kept = first.copy()
     second = env.step(np.zeros((3, 2), np.float32))[0]

@@ -29,6 +29,8 @@ def sb3(env):
             env.policy = policy
 
         def _copied(self, obs):
+            if env.copy:
+                return obs
             return {key: obs[key].copy() for key in keys} if isinstance(obs, dict) else obs.copy()
 
         def reset(self):

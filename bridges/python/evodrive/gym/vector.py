@@ -65,9 +65,11 @@ class VecEnv(VectorEnv):
     preventable  whether `info` says of contacts with an adversary if they could have been avoided, for which the episode is
                  simulated once more when it ends
     keep         whether `episode(i)` gives the last episode of an environment as a rollout to be drawn and labelled
+    copy         whether observations and infos are the caller's own, as in Gymnasium's vector environments. With False they are
+                 views of memory that the engine owns, observations of two sheets in turn: what a step returned stays as it is
+                 during the next step, and is written over by the one after it
 
-    `step` takes float32 (n, 2): steering and pedal, from -1 to 1. Observations are views of memory that the engine owns, two
-    sheets in turn: what a step returned stays as it is during the next step, and is written over by the one after it.
+    `step` takes float32 (n, 2): steering and pedal, from -1 to 1.
     """
 
     metadata = {"render_modes": []}
@@ -83,12 +85,13 @@ class VecEnv(VectorEnv):
         seed: int | None = None,
         preventable: bool = False,
         keep: bool = False,
+        copy: bool = True,
     ):
         mode = _mode(autoreset)
         self.observation, self.reward = observation, MetaDriveReward() if reward is None else reward
         single = spaces.observation_space(observation)
         self._native = native(scenarios, num_envs, threads, observation, self.reward, mode, preventable, keep, False)
-        self.num_envs, self.scenarios, self.render_mode = num_envs, scenarios, None
+        self.num_envs, self.scenarios, self.render_mode, self.copy = num_envs, scenarios, None, copy
         self.metadata = {**self.metadata, "autoreset_mode": _MODES[mode]}
         self.single_observation_space, self.single_action_space = single, spaces.action_space()
         self.observation_space = batch_space(single, num_envs)
@@ -140,7 +143,13 @@ class VecEnv(VectorEnv):
                 )
             mask = mask.tolist()
         sheet = self._native.reset(mask, named_task(self.scenarios, options))
-        return self._sheets[sheet], dict(self._now)
+        return self._given(self._sheets[sheet]), self._given(self._now)
+
+    def _given(self, arrays):
+        """An array or a dictionary of arrays as it is handed out."""
+        if isinstance(arrays, dict):
+            return {name: self._given(array) for name, array in arrays.items()}
+        return arrays.copy() if self.copy else arrays
 
     def step(self, actions):
         """One decision of 0.1 s in every environment."""
@@ -149,17 +158,18 @@ class VecEnv(VectorEnv):
             raise ValueError(f"actions have the shape {actions.shape}; expected {self._shape}: steering and pedal a row")
         np.copyto(self._actions, actions, casting="same_kind")
         ended, sheet = self._native.step()
-        info = dict(self._now)
+        info = self._given(self._now)
         if ended and self._mode == "same_step":
             over = self._terminated | self._truncated
-            info["final_obs"], info["_final_obs"] = self._final, over
+            info["final_obs"], info["_final_obs"] = self._given(self._final), over
             final = {name: array.copy() for name, array in self._reports.items()}
             info["final_info"] = {**final, **{f"_{name}": over for name in final}}
             info["_final_info"] = over
         self._steps += self.num_envs
         if self._replan_at is not None and self._steps >= self._replan_at:
             self._replan()
-        return self._sheets[sheet], self._rewards.copy(), self._terminated.copy(), self._truncated.copy(), info
+        obs = self._given(self._sheets[sheet])
+        return obs, self._rewards.copy(), self._terminated.copy(), self._truncated.copy(), info
 
     def _replan(self):
         """Adversaries planned around the policy as it was one interval ago come in, and those around the present one are begun: so

@@ -521,7 +521,8 @@ fn a_server_that_cuts_prompts_is_warned_of_once_with_the_context_to_set() {
 
 #[test]
 fn cached_tokens_count_as_read_and_what_a_filter_stopped_is_not_judged() {
-    let cached = json!({"prompt_tokens": 12, "prompt_tokens_details": {"cached_tokens": 8988}, "completion_tokens": 300});
+    let cached =
+        json!({"prompt_tokens": 12, "prompt_tokens_details": {"cached_tokens": 8988}, "completion_tokens": 300});
     let filtered = json!({"choices": [], "usage": {"prompt_tokens": 5, "completion_tokens": 0},
         "prompt_filter_results": [{"content_filter_results": {}}]});
     let server = Server::start(move |before, _| {
@@ -638,7 +639,10 @@ fn an_answer_that_stands_beside_the_content_is_named_with_its_field() {
     let cut = beside(json!({"content": "", "reasoning": "Let me see."}), "length");
     assert!(cut.contains("only thought") && cut.contains("raise max_tokens"), "{cut}");
     let unknown = beside(json!({"content": "{"}), "");
-    assert!(unknown.contains("its finish reason is \"\"") && unknown.contains("reads them like every reply"), "{unknown}");
+    assert!(
+        unknown.contains("its finish reason is \"\"") && unknown.contains("reads them like every reply"),
+        "{unknown}"
+    );
     // Where such answers are kept it is told once.
     let server = ended("stop", json!({"content": null, "reasoning_content": "{}"}));
     let options = ClientOptions { incomplete_replies: IncompleteReplies::Keep, ..options(&server.url) };

@@ -331,7 +331,7 @@ fn a_refused_request_is_asked_once_and_the_key_is_cut_out_of_the_servers_words()
     let server = Server::start(move |_, _| Some(Reply::status(401, json!({"error": {"message": printed}}))));
     let client = openai(&server);
     let error = client.error();
-    let expected = "HTTP 401: Incorrect API key provided: [api key]. See your account.";
+    let expected = "HTTP 401: Incorrect API key provided: [api key]. See your account.; see whether the variable KEY holds a key that may use this model";
     assert!(matches!(&error, ModelError::Refused { reason, .. } if reason == expected), "{error}");
     assert_eq!((server.received().len(), client.used()), (1, Tokens::default()));
 }

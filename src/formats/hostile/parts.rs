@@ -549,7 +549,7 @@ fn a_packed_file_gives_what_is_in_it_and_beside_routes_too() {
         let plain = import_files(&[("f", whole(format))]);
         assert!(!plain.scenes.is_empty() && import_files(&[("f", packed(&whole(format)))]) == plain, "{format}");
     }
-    let road = opendrive::tests::TURN.as_bytes();
+    let road = crate::formats::opendrive::read::tests::TURN.as_bytes();
     let alone = import_files(&[("T.xodr", packed(road))]);
     assert!(alone.left_out[0].reason.contains("a road network of"), "{:?}", alone.left_out);
     assert_eq!(crate::formats::summary::part(&packed(road)), crate::formats::summary::Part::Beside);

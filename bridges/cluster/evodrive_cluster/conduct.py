@@ -17,7 +17,7 @@ from pathlib import Path
 from .bundle import study_files
 from .command import Evodrive, Failed
 from .line import Line, told
-from .place import place, write_whole
+from .place import place, write_new, write_whole
 
 DIVERGED = 4
 REFUSALS = (0, 2, 4, 5)
@@ -297,12 +297,21 @@ class Driver:
         """One driver a run folder. One that was killed left its file."""
         path = driver_file(self.options)
         path.parent.mkdir(parents=True, exist_ok=True)
-        if path.exists():
-            other = json.loads(path.read_text())
-            if other["host"] == os.uname().nodename and is_alive(other["pid"], other["started"]):
-                raise Stopped(f"another driver (process {other['pid']}) is at work on {self.options.experiment}")
-        write_whole(path, json.dumps({"pid": os.getpid(), "started": started(os.getpid()), "host": os.uname().nodename,
-                                      "options": saved(self.options)}).encode())
+        own = json.dumps({"pid": os.getpid(), "started": started(os.getpid()), "host": os.uname().nodename, "options": saved(self.options)}).encode()
+        while not write_new(path, own):
+            # Of several that find the file of a killed one, each takes away what it looked at alone.
+            aside = path.with_name(f"{path.name}.{os.getpid()}")
+            try:
+                other = json.loads(path.read_text())
+                if other["host"] == os.uname().nodename and is_alive(other["pid"], other["started"]):
+                    raise Stopped(f"another driver (process {other['pid']}) is at work on {self.options.experiment}")
+                path.rename(aside)
+            except FileNotFoundError:
+                continue
+            taken = aside.read_bytes()
+            aside.unlink()
+            if json.loads(taken) != other:
+                write_new(path, taken)
 
     def close(self):
         if hasattr(self, "crew"):

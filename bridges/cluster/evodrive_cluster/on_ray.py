@@ -24,7 +24,10 @@ def on_a_worker(name, shard, bundle, digest, installed, jobs, results, questions
     here = os.environ.get("EVODRIVE_NODE") or ray.get_runtime_context().get_node_id()
     os.environ["EVODRIVE_NODE"] = here
     # Fetched from the object store where this machine has not got it yet.
-    folder = unpacked(digest, lambda: ray.get(bundle[0]))
+    try:
+        folder = unpacked(digest, lambda: ray.get(bundle[0]))
+    except PermissionError as refused:
+        return "lacking", here, str(refused), None, ()
     command = [installed] if installed else [str(folder / "evodrive")]
     try:
         content, said, spent = do_shard(name, shard, folder, command, jobs, questions)

@@ -46,6 +46,9 @@ class Slurm:
         self.bundle = shards / "travel" / digest_of(files)
         if not self.bundle.is_dir():
             write_whole_folder(self.bundle, files)
+        changed = [name for name, content in files.items() if not (self.bundle / name).is_file() or (self.bundle / name).read_bytes() != content]
+        if changed:
+            raise Stopped(f"{self.bundle / changed[0]} is not what the folder's name says; remove {self.bundle} and repeat the command with --resume")
         self.waiting, self.under_way, self.gone_since = [], {}, {}
         self.numbers = itertools.count()
         self.end_others()

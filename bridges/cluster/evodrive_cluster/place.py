@@ -1,6 +1,7 @@
 """Where results lie: a folder, or whatever address fsspec knows (s3://bucket/folder, gs://bucket/folder, memory://folder)."""
 
 import os
+import secrets
 from pathlib import Path
 
 
@@ -59,8 +60,26 @@ def place(address):
     return Address(address) if "://" in str(address) else Folder(address)
 
 
+def beside(path, content):
+    """A file of another name in the same folder, which nobody else has, whatever machine they are on."""
+    part = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(6)}.part")
+    with part.open("xb") as file:
+        file.write(content)
+    return part
+
+
 def write_whole(path, content):
     """A file is there whole or not at all."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    part.write_bytes(content)
-    part.replace(path)
+    beside(path, content).replace(path)
+
+
+def write_new(path, content):
+    """The same where nothing has the name; whether it was free. Of two that write at once one does."""
+    part = beside(path, content)
+    try:
+        os.link(part, path)
+    except FileExistsError:
+        return False
+    finally:
+        part.unlink()
+    return True

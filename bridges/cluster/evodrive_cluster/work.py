@@ -9,6 +9,8 @@ import subprocess
 import time
 from pathlib import Path
 
+from .place import write_whole
+
 # evodrive's exit code where a machine lacks what a shard needs.
 LACKING = 69
 LOCKED = "is in use by"
@@ -49,9 +51,7 @@ def do_shard(name, shard, folder, command, jobs, questions=None):
     at = Path(folder) / "shards"
     at.mkdir(exist_ok=True)
     path = at / name
-    part = path.with_name(f".{name}.{os.getpid()}")
-    part.write_bytes(shard)
-    part.replace(path)
+    write_whole(path, shard)
     words = [*command, "--jobs", str(jobs), "shard", "work", str(path), "--study", str(folder), "--out", str(at)]
     words += ["--open", str(questions)] if questions else []
     began, began_at, before = time.monotonic(), time.time(), resource.getrusage(resource.RUSAGE_CHILDREN)

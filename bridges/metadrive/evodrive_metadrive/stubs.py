@@ -43,7 +43,8 @@ def main() -> int:
     version = metadata.version("metadrive-simulator")
     texture = folder.joinpath(*TEXTURE)
     texture.parent.mkdir(parents=True, exist_ok=True)
-    texture.write_bytes(b"")
+    if not texture.exists():
+        texture.write_bytes(b"")
     (folder / "STUBS.txt").write_text(NOTE)
     (folder / "version.txt").write_text(version + "\n")
     print(f"wrote two stub files below {folder}: version.txt ({version}) and an empty {TEXTURE[-1]}; no asset was downloaded")

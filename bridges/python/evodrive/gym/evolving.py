@@ -64,7 +64,10 @@ def evolve(
     if file.exists():
         raise FileExistsError(f"{file} exists already; name another run: evolve(.., name=...)")
     weights = folder / f"{name}.safetensors"
-    weights.write_bytes(weights_of(policy, observation))
+    content = weights_of(policy, observation)
+    if weights.exists() and weights.read_bytes() != content:
+        raise FileExistsError(f"{weights} exists already and holds other weights; name another run: evolve(.., name=...)")
+    weights.write_bytes(content)
     pool = Path(scenarios.pool[0]).absolute()
     words = ["init", name, "--scenes", pool, "--family", ",".join(families), "--epochs", epochs, "--slots", slots]
     runs.command(*words, cwd=folder)

@@ -56,6 +56,7 @@ const TABLE: &[(&str, &str)] = &[
 /// Effect -> the words that betray it, and the places where it may live.
 const EFFECTS: &[(&str, &[&str], &[&str])] = &[
     ("disk", &["std::fs", "fs::File", "OpenOptions", "rusqlite"], &["store/"]),
+    ("removal of folders", &["remove_dir"], &["store/own.rs"]),
     ("network", &["std::net", "TcpStream", "ureq::"], &["live/"]),
     ("threads", &["thread::spawn", "thread::scope", "thread::Builder", "rayon"], &["kernel/threads.rs"]),
     ("randomness", &["rand_chacha", "rand_core", "from_entropy", "getrandom"], &["kernel/rng.rs"]),
@@ -227,6 +228,51 @@ fn effects_stay_at_their_addresses() {
         }
     }
     assert!(strayed.is_empty(), "effects out of place:\n{}", strayed.join("\n"));
+}
+
+/// What removes folders in scripts and in Python: a shell's own scratch folder, from the same file, and nothing in what users install.
+#[test]
+fn scripts_remove_no_folder_but_their_own_scratch() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut strayed = Vec::new();
+    let mut open = vec![root.join("bridges"), root.join(".ci")];
+    while let Some(path) = open.pop() {
+        let name = path.strip_prefix(root).expect("below").to_string_lossy().into_owned();
+        if path.is_dir() {
+            // What tests and builds leave there is no source.
+            if !["target", "__pycache__", ".venv", "node_modules"].iter().any(|left| name.ends_with(left)) {
+                open.extend(std::fs::read_dir(&path).expect("a folder").map(|entry| entry.expect("an entry").path()));
+            }
+            continue;
+        }
+        let Ok(text) = std::fs::read_to_string(&path) else { continue };
+        strayed.extend(
+            text.lines()
+                .filter(|line| removes_another_folder(&name, line, &text))
+                .map(|line| format!("{name}: {line}")),
+        );
+    }
+    assert!(strayed.is_empty(), "folders are removed that the script did not make:\n{}", strayed.join("\n"));
+    for (line, text, is_another) in [
+        ("rm -rf \"$out\"", "out=$1", true),
+        ("rm -r $HOME/x", "", true),
+        ("trap 'rm -rf \"$scratch\"' EXIT", "scratch=$(mktemp -d)", false),
+    ] {
+        assert_eq!(removes_another_folder(".ci/x", line, text), is_another, "{line}");
+    }
+    assert!(removes_another_folder("bridges/x/evodrive_x/y.py", "shutil.rmtree(folder)", ""));
+}
+
+fn removes_another_folder(file: &str, line: &str, text: &str) -> bool {
+    let python = ["rmtree", "removedirs"].iter().any(|word| line.contains(word));
+    // Trials in .ci remove what they made in a temporary folder.
+    let shipped = file.starts_with("bridges/") && !file.contains("/tests/");
+    let Some((_, removed)) = ["rm -rf ", "rm -r ", "rm -fr "].iter().find_map(|word| line.split_once(word)) else {
+        return shipped && python;
+    };
+    let variable: String =
+        removed.chars().skip_while(|c| !c.is_alphabetic()).take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+    !text.contains(&format!("{variable}=$(mktemp -d"))
 }
 
 /// Names of the crates that `roots` bring into a build, by Cargo.lock. Development crates count too: none of them speaks HTTP.

@@ -9,7 +9,7 @@ use std::path::Path;
 use super::index::INDEX;
 use super::objects::Store;
 use super::pack::{self, MemoEntry, PACK};
-use super::{MemoKind, StoreError, file};
+use super::{MemoKind, Scratch, StoreError, file};
 use crate::kernel::Digest;
 
 impl Store {
@@ -80,23 +80,15 @@ pub fn write_filled<E>(
     fill: impl FnOnce(&mut dyn Write) -> Result<(), E>,
 ) -> Result<Result<(), E>, StoreError> {
     let io = |source| StoreError::io("write", path, source);
-    let temporary = file::neighbour(path)?;
-    if let Some(name) = path.file_name() {
-        file::remove_abandoned(file::parent_of(path), &format!(".{}.", name.to_string_lossy()), ".tmp");
-    }
-    let mut made = Remembering { file: file::create_new(&temporary).map_err(io)?, refused: None };
-    // Held while it is written: what nobody holds was left by a command that was killed.
-    let _claimed = file::claim(&temporary)?;
+    // In a folder of its own, which goes with its command or, if that was killed, with the next one.
+    let scratch = Scratch::beside(path)?;
+    let whole = scratch.dir.join("whole");
+    let mut made = Remembering { file: File::create_new(&whole).map_err(io)?, refused: None };
     let filled = fill(&mut made);
     if filled.is_err() {
-        let _ = fs::remove_file(&temporary);
         return made.refused.map_or(Ok(filled), |source| Err(io(source)));
     }
-    let ended = made.file.sync_all().and_then(|()| fs::rename(&temporary, path));
-    if let Err(source) = ended {
-        let _ = fs::remove_file(&temporary);
-        return Err(io(source));
-    }
+    made.file.sync_all().and_then(|()| fs::rename(&whole, path)).map_err(io)?;
     file::sync_dir(file::parent_of(path))?;
     Ok(filled)
 }

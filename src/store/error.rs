@@ -31,6 +31,28 @@ pub enum StoreError {
         /// Who holds the lock.
         holder: String,
     },
+    /// The disk gives no lock, whoever asks.
+    #[error(
+        "cannot lock {}: {source}; this disk has no file locks (mounts of NFS, Lustre and GPFS may have none), so nothing would keep a second \
+         command from writing there at the same time: name a folder on a local disk (--out), or have the disk mounted with flock (docs/RUNS.md)",
+        path.display()
+    )]
+    NoLocks {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// Something that is not this program's has a name that it derived.
+    #[error("{}: expected {expected}, found {found}; it stays as it is: move it aside, or name another place", path.display())]
+    Foreign {
+        /// The file or folder.
+        path: PathBuf,
+        /// What would be ours.
+        expected: &'static str,
+        /// What is there.
+        found: &'static str,
+    },
     /// A reader asked for at most `max_bytes`.
     #[error("{} is larger than {max_bytes} bytes; is it the file you meant?", path.display())]
     TooLarge {
@@ -176,7 +198,10 @@ impl StoreError {
         let places =
             [IsADirectory, NotADirectory, NotFound, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull];
         let no_file = |source: &std::io::Error| source.get_ref().is_some_and(|inner| inner.is::<NoFile>());
-        matches!(self, StoreError::Io { source, .. } if places.contains(&source.kind()) || no_file(source))
+        match self {
+            StoreError::Io { source, .. } => places.contains(&source.kind()) || no_file(source),
+            _ => matches!(self, StoreError::NoLocks { .. } | StoreError::Foreign { .. }),
+        }
     }
 
     pub(super) fn corrupt(damage: Damage) -> StoreError {

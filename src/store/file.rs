@@ -16,8 +16,8 @@ const MAX_DEPTH: usize = 32;
 /// Writes a whole file: into a hidden neighbour first, which is synced and then renamed, so that a kill at any moment
 /// leaves the old file or the new one. Missing parent folders are made.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-    let temporary = neighbour(path)?;
-    let written = write_synced(&temporary, bytes).and_then(|()| fs::rename(&temporary, path));
+    let (temporary, mut file) = neighbour(path)?;
+    let written = synced_with(&mut file, bytes).and_then(|()| fs::rename(&temporary, path));
     if let Err(source) = written {
         let _ = fs::remove_file(&temporary);
         return Err(StoreError::io("write", path, source));
@@ -25,27 +25,50 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     sync_dir(parent_of(path))
 }
 
-/// The hidden neighbour that a file is written to before it gets its name; its folder is made.
-pub(super) fn neighbour(path: &Path) -> Result<PathBuf, StoreError> {
+/// Writes a whole file where nothing is, and says whether it did: of two that write at once one does. What has the name stays.
+pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool, StoreError> {
+    let (temporary, mut file) = neighbour(path)?;
+    let written = synced_with(&mut file, bytes).and_then(|()| named_anew(&temporary, path));
+    let _ = fs::remove_file(&temporary);
+    let is_new = written.map_err(|source| StoreError::io("write", path, source))?;
+    sync_dir(parent_of(path)).map(|()| is_new)
+}
+
+/// Gives a file a name that nothing has; says whether it was free.
+fn named_anew(from: &Path, to: &Path) -> std::io::Result<bool> {
+    let free = |done: std::io::Result<()>| match done {
+        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => Ok(false),
+        done => done.map(|()| true),
+    };
+    match fs::hard_link(from, to) {
+        Err(error) if error.kind() != std::io::ErrorKind::AlreadyExists => {
+            // A disk without hard links: the name is taken first, and what it names comes after it.
+            let taken = free(fs::OpenOptions::new().write(true).create_new(true).open(to).map(drop))?;
+            if taken { fs::rename(from, to).map(|()| true) } else { Ok(false) }
+        }
+        linked => free(linked),
+    }
+}
+
+/// The hidden neighbour that a file is written to before it gets its name, made anew; its folder is made. What bears such a name
+/// already is left alone: it may be somebody's, or of another machine's process of the same number.
+fn neighbour(path: &Path) -> Result<(PathBuf, File), StoreError> {
     let parent = parent_of(path);
     create_dir(parent)?;
     let name =
         path.file_name().ok_or_else(|| StoreError::io("write", path, std::io::ErrorKind::IsADirectory.into()))?;
-    Ok(parent.join(format!(".{}.{}.tmp", name.to_string_lossy(), std::process::id())))
-}
-
-/// A file that was not there before. What has its name goes, and is not followed: whoever can write to the folder must not have us
-/// write elsewhere.
-pub(super) fn create_new(path: &Path) -> std::io::Result<File> {
-    match fs::remove_file(path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error),
-        _ => {}
+    let mut number = 0u32;
+    loop {
+        let beside = parent.join(format!(".{}.{}-{number}.tmp", name.to_string_lossy(), std::process::id()));
+        match fs::OpenOptions::new().write(true).create_new(true).open(&beside) {
+            Ok(file) => return Ok((beside, file)),
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => number += 1,
+            Err(source) => return Err(StoreError::io("write", path, source)),
+        }
     }
-    fs::OpenOptions::new().write(true).create_new(true).open(path)
 }
 
-fn write_synced(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let mut file = create_new(path)?;
+fn synced_with(file: &mut File, bytes: &[u8]) -> std::io::Result<()> {
     file.write_all(bytes)?;
     file.sync_all()
 }
@@ -70,41 +93,14 @@ pub fn is_taken(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok()
 }
 
-/// A file or folder of a command that runs.
-#[derive(Debug)]
-pub struct Claimed {
-    _held: File,
-}
-
-/// Marks a file or folder of a command that runs: while the answer lives, `remove_abandoned` leaves it.
-pub fn claim(path: &Path) -> Result<Claimed, StoreError> {
-    let io = |source| StoreError::io("lock", path, source);
-    let file = File::open(path).map_err(io)?;
+/// Takes the lock of an open file, which its closing gives back: its process's end, too.
+pub(super) fn lock(file: &File, path: &Path) -> Result<(), StoreError> {
     match file.try_lock() {
-        Ok(()) => Ok(Claimed { _held: file }),
-        Err(std::fs::TryLockError::WouldBlock) => {
+        Ok(()) => Ok(()),
+        Err(fs::TryLockError::WouldBlock) => {
             Err(StoreError::Locked { path: path.to_path_buf(), holder: "another process".into() })
         }
-        Err(std::fs::TryLockError::Error(source)) => Err(io(source)),
-    }
-}
-
-/// Removes what commands that were killed left in a folder: entries named `begins`, a process, `ends`, that nobody claims any more.
-/// What cannot be removed stays: it is somebody else's.
-pub fn remove_abandoned(folder: &Path, begins: &str, ends: &str) {
-    let Ok(entries) = fs::read_dir(folder) else { return };
-    for entry in entries.flatten() {
-        let name = entry.file_name().to_string_lossy().into_owned();
-        let process = name.strip_prefix(begins).and_then(|rest| rest.strip_suffix(ends));
-        let named = process.is_some_and(|id| !id.is_empty() && id.bytes().all(|byte| byte.is_ascii_digit()));
-        let Ok(kind) = entry.file_type() else { continue };
-        if !named || kind.is_symlink() || !(kind.is_file() || kind.is_dir()) {
-            continue;
-        }
-        if claim(&entry.path()).is_ok() {
-            let path = entry.path();
-            let _ = if kind.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
-        }
+        Err(fs::TryLockError::Error(source)) => Err(StoreError::NoLocks { path: path.to_path_buf(), source }),
     }
 }
 
@@ -197,25 +193,6 @@ pub fn rename(from: &Path, to: &Path) -> Result<(), StoreError> {
 pub fn remove_file(path: &Path) -> Result<(), StoreError> {
     match fs::remove_file(path) {
         Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("remove", path, source)),
-        _ => Ok(()),
-    }
-}
-
-/// Removes a folder with all that is in it. It is no error if the folder does not exist.
-pub fn remove_dir(path: &Path) -> Result<(), StoreError> {
-    match fs::remove_dir_all(path) {
-        Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("remove", path, source)),
-        _ => Ok(()),
-    }
-}
-
-/// Removes a folder that is empty; one that is not stays. It is no error if the folder does not exist.
-pub fn remove_empty_dir(path: &Path) -> Result<(), StoreError> {
-    use std::io::ErrorKind::{DirectoryNotEmpty, NotFound};
-    match fs::remove_dir(path) {
-        Err(source) if !matches!(source.kind(), DirectoryNotEmpty | NotFound) => {
-            Err(StoreError::io("remove", path, source))
-        }
         _ => Ok(()),
     }
 }
@@ -335,6 +312,7 @@ pub fn copy_program(from: &Path, to: &Path) -> Result<(), StoreError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::remove_empty_dir;
 
     #[test]
     fn a_written_file_replaces_the_old_one_and_leaves_no_neighbour() {
@@ -362,13 +340,29 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let (outside, path) = (dir.path().join("outside"), dir.path().join("file"));
         write_atomic(&outside, b"of somebody").unwrap();
-        for laid in [neighbour(&path).unwrap(), path.clone()] {
+        let beside = neighbour(&path).unwrap().0;
+        remove_file(&beside).unwrap();
+        for laid in [beside.clone(), path.clone()] {
             std::os::unix::fs::symlink(&outside, laid).unwrap();
             write_atomic(&path, b"ours").unwrap();
             assert_eq!(read_bounded(&outside, 99).unwrap(), b"of somebody");
             assert!(!path.is_symlink() && read_bounded(&path, 99).unwrap() == b"ours");
             remove_file(&path).unwrap();
         }
+        assert!(beside.is_symlink(), "what has the neighbour's name is not ours to remove");
+    }
+
+    #[test]
+    fn of_many_that_write_one_new_file_one_does_and_it_is_whole() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a/new");
+        let pool = crate::kernel::Threads::new(8).unwrap();
+        let texts: Vec<Vec<u8>> = (0..40u8).map(|n| vec![n; 4096]).collect();
+        let wrote = pool.map(&texts, |_, text| write_new(&path, text).unwrap());
+        let winner = wrote.iter().position(|is_new| *is_new).unwrap();
+        assert_eq!(wrote.iter().filter(|is_new| **is_new).count(), 1);
+        assert_eq!(read_bounded(&path, 4096).unwrap(), texts[winner]);
+        assert_eq!(fs::read_dir(dir.path().join("a")).unwrap().count(), 1, "no neighbour stays");
     }
 
     #[test]
@@ -426,7 +420,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let (file, none, folder) = (dir.path().join("file"), dir.path().join("none"), dir.path().join("folder"));
         type Remover = fn(&Path) -> Result<(), StoreError>;
-        for (remove, kind) in [(remove_file as Remover, "file"), (remove_dir, "tree"), (remove_empty_dir, "empty")] {
+        for (remove, kind) in [(remove_file as Remover, "file"), (remove_empty_dir, "empty")] {
             write_atomic(&file, b"x").unwrap();
             create_dir(&folder).unwrap();
             let (own, other) = if kind == "file" { (&file, &folder) } else { (&folder, &file) };
@@ -438,8 +432,6 @@ mod tests {
         write_atomic(&folder.join("inside"), b"x").unwrap();
         remove_empty_dir(&folder).unwrap();
         assert!(folder.join("inside").exists(), "what is not empty stays");
-        remove_dir(&folder).unwrap();
-        assert!(!folder.exists());
     }
 
     #[test]
@@ -482,22 +474,5 @@ mod tests {
             .collect();
         assert_eq!(names, ["a/z.xml", "b.xml", "c.xml"]);
         assert_eq!(list_files(&dir.path().join("b.xml"), &[]).unwrap().len(), 1);
-    }
-
-    #[test]
-    fn what_a_killed_command_left_is_removed_and_what_runs_is_not() {
-        let dir = tempfile::tempdir().unwrap();
-        let at = |name: &str| dir.path().join(name);
-        for name in [".x.1.tmp", ".x.2.tmp", ".x.no.tmp", ".y.1.tmp"] {
-            write_atomic(&at(name), b"half").unwrap();
-        }
-        write_atomic(&at(".x.3.tmp/inside"), b"half").unwrap();
-        let running = claim(&at(".x.2.tmp")).unwrap();
-        remove_abandoned(dir.path(), ".x.", ".tmp");
-        let left = [".x.1.tmp", ".x.2.tmp", ".x.3.tmp", ".x.no.tmp", ".y.1.tmp"].map(|name| is_taken(&at(name)));
-        assert_eq!(left, [false, true, false, true, true]);
-        drop(running);
-        remove_abandoned(dir.path(), ".x.", ".tmp");
-        assert!(!is_taken(&at(".x.2.tmp")));
     }
 }

@@ -87,28 +87,55 @@ fn entry_hash(body: &[u8], at: u64, length: u64) -> u64 {
 
 /// The open index file.
 #[derive(Debug)]
-pub(super) struct Index(Connection);
+pub(super) struct Index {
+    connection: Connection,
+    is_without_locks: bool,
+}
+
+/// SQLite's name for a system whose locks are not asked for.
+const NO_LOCKS: &str = "unix-none";
 
 impl Index {
     /// Opens or makes the index.
     pub fn open(path: &Path) -> rusqlite::Result<Index> {
-        let connection = Connection::open(path)?;
-        connection.execute_batch("PRAGMA locking_mode = EXCLUSIVE; PRAGMA synchronous = NORMAL;")?;
-        let version: i64 = connection.query_row("PRAGMA user_version", [], |row| row.get(0))?;
+        let alone = "PRAGMA locking_mode = EXCLUSIVE; PRAGMA synchronous = NORMAL; BEGIN EXCLUSIVE; COMMIT;";
+        let index = Index::on_any_disk(path, OpenFlags::default(), alone)?;
+        let version: i64 = index.connection.query_row("PRAGMA user_version", [], |row| row.get(0))?;
         if version != 0 && version != VERSION {
             return Err(rusqlite::Error::InvalidQuery);
         }
         if version == 0 {
-            connection.execute_batch(&format!("BEGIN; {TABLES} PRAGMA user_version = {VERSION}; COMMIT;"))?;
+            index.connection.execute_batch(&format!("BEGIN; {TABLES} PRAGMA user_version = {VERSION}; COMMIT;"))?;
         }
-        Ok(Index(connection))
+        Ok(index)
     }
 
     /// Opens an index that is there, to look at it. Read-only only where its folder is: SQLite must be able to roll back
     /// what a killed process had begun.
     pub fn open_existing(path: &Path, writable: bool) -> rusqlite::Result<Index> {
         let flags = if writable { OpenFlags::SQLITE_OPEN_READ_WRITE } else { OpenFlags::SQLITE_OPEN_READ_ONLY };
-        Connection::open_with_flags(path, flags).map(Index)
+        Index::on_any_disk(path, flags, "BEGIN; SELECT count(*) FROM sqlite_schema; COMMIT;")
+    }
+
+    /// Opens a file and does what `first` says. Where that is refused it is tried again without SQLite's own locks (of `fcntl`), which some
+    /// disks do not have: who opens an index holds the store's lock, or only looks.
+    fn on_any_disk(path: &Path, flags: OpenFlags, first: &str) -> rusqlite::Result<Index> {
+        let begun = |connection: Connection, is_without_locks| {
+            // Nobody else holds such a lock, so there is nothing to wait for.
+            connection.busy_timeout(std::time::Duration::ZERO)?;
+            connection.execute_batch(first)?;
+            Ok(Index { connection, is_without_locks })
+        };
+        let locking = Connection::open_with_flags(path, flags).and_then(|connection| begun(connection, false));
+        locking.or_else(|refused| {
+            let without = Connection::open_with_flags_and_vfs(path, flags, NO_LOCKS);
+            without.and_then(|connection| begun(connection, true)).map_err(|_| refused)
+        })
+    }
+
+    /// Whether the disk has no locks for it.
+    pub fn is_without_locks(&self) -> bool {
+        self.is_without_locks
     }
 
     /// Reads the whole index. A row that is malformed or was changed is an error.
@@ -121,15 +148,15 @@ impl Index {
     fn read(&self) -> rusqlite::Result<(Places, u64)> {
         let mut places = Places::default();
         let (indexed_to, fingerprint) =
-            self.0.query_row("SELECT indexed_to, fingerprint FROM pack WHERE id = 0", [], |row| {
+            self.connection.query_row("SELECT indexed_to, fingerprint FROM pack WHERE id = 0", [], |row| {
                 Ok((whole(row, 0)?, row.get::<_, i64>(1)?.cast_unsigned()))
             })?;
-        let mut statement = self.0.prepare("SELECT digest, place, length FROM object")?;
+        let mut statement = self.connection.prepare("SELECT digest, place, length FROM object")?;
         let mut rows = statement.query([])?;
         while let Some(row) = rows.next()? {
             places.add(&Piece::Object { digest: digest(row, 0)?, at: whole(row, 1)?, length: whole(row, 2)? });
         }
-        let mut statement = self.0.prepare("SELECT kind, request, object, place FROM memo")?;
+        let mut statement = self.connection.prepare("SELECT kind, request, object, place FROM memo")?;
         let mut rows = statement.query([])?;
         while let Some(row) = rows.next()? {
             let name: String = row.get(0)?;
@@ -143,7 +170,7 @@ impl Index {
 
     /// Adds pieces and says how far the pack is now described: all in one transaction.
     pub fn add(&mut self, pieces: &[Piece], indexed_to: u64, fingerprint: u64) -> rusqlite::Result<()> {
-        let transaction = self.0.transaction()?;
+        let transaction = self.connection.transaction()?;
         {
             let mut object = transaction.prepare("INSERT OR IGNORE INTO object VALUES (?1, ?2, ?3)")?;
             let mut memo = transaction.prepare("INSERT OR REPLACE INTO memo VALUES (?1, ?2, ?3, ?4)")?;
@@ -166,7 +193,7 @@ impl Index {
 
     /// What SQLite itself finds wrong with its file; empty = nothing.
     pub fn integrity(&self) -> rusqlite::Result<Vec<String>> {
-        let mut statement = self.0.prepare("PRAGMA integrity_check")?;
+        let mut statement = self.connection.prepare("PRAGMA integrity_check")?;
         let lines = statement.query_map([], |row| row.get::<_, String>(0))?.collect::<rusqlite::Result<Vec<_>>>()?;
         Ok(lines.into_iter().filter(|line| line != "ok").collect())
     }

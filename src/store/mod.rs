@@ -1,4 +1,4 @@
-//! All disk: objects by digest, memo (request -> object), transcript (append-only), atomic files.
+//! All disk: objects by digest, memo (request -> object), transcript (append-only), atomic files, folders of our own.
 
 mod canonical;
 mod difference;
@@ -10,6 +10,7 @@ mod lines;
 mod memo_kind;
 mod no_file;
 mod objects;
+mod own;
 mod pack;
 mod text;
 mod transcript;
@@ -18,14 +19,15 @@ pub use canonical::{reader, write_filled};
 pub use difference::{first_difference, shortened};
 pub use error::{Damage, Divergence, StoreError};
 pub use file::{
-    Claimed, append, claim, copy, copy_program, create_dir, create_plain_dir, digest_of_file, is_plain_file, is_taken,
-    length, list_dirs, list_entries, list_files, open_bounded, read_bounded, read_head, remove_abandoned, remove_dir,
-    remove_empty_dir, remove_file, rename, write_atomic,
+    append, copy, copy_program, create_dir, create_plain_dir, digest_of_file, is_plain_file, is_taken, length,
+    list_dirs, list_entries, list_files, open_bounded, read_bounded, read_head, remove_file, rename, write_atomic,
+    write_new,
 };
 pub use fsck::{FsckReport, fsck};
 pub use lines::{LINE_BYTES_MAX, Line, batch, next_line, toml_too_large, too_large};
 pub use memo_kind::MemoKind;
 pub use objects::{Opening, Store};
+pub use own::{OwnDir, Scratch, remove_empty_dir};
 pub use text::{
     TextFault, TextLines, UNPACKED_FREE, UNPACKED_PER_BYTE, ZSTD_MAGIC, packed, read_text, text_lines,
     unpacked_bytes_max, write_text,

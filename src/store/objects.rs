@@ -4,7 +4,7 @@
 //! survive a power cut.
 
 use std::{
-    fs::{self, File, OpenOptions, TryLockError},
+    fs::{self, File, OpenOptions},
     io::{ErrorKind, Read, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
     sync::{Mutex, MutexGuard},
@@ -12,7 +12,7 @@ use std::{
 
 use super::{
     Damage, MemoKind, StoreError,
-    file::{create_dir, no_device},
+    file::{self, create_dir, no_device},
     index::{INDEX, Index, Places},
     pack::{self, HEADER, MemoEntry, PACK, Piece},
 };
@@ -30,6 +30,8 @@ pub struct Opening {
     pub indexed_records: usize,
     /// Why the whole index was rebuilt, if it was.
     pub rebuilt_because: Option<String>,
+    /// The disk has none of the locks that SQLite takes, so the index goes without: the store's own lock stands for them.
+    pub without_index_locks: bool,
 }
 
 /// An open store. One process at a time; inside it, any number of threads.
@@ -82,6 +84,7 @@ impl Store {
                 (new_index(&dir.join(INDEX))?, Places::default())
             }
         };
+        opening.without_index_locks = index.is_without_locks();
         let mut end = pack.metadata().map_err(io)?.len();
         if places.indexed_to > end {
             return Err(StoreError::corrupt(truncated(&pack_path, &places, end)));
@@ -244,22 +247,23 @@ pub(super) fn take_lock(dir: &Path) -> Result<Lock, StoreError> {
     let path = dir.join(LOCK);
     let io = |source| StoreError::io("lock", &path, source);
     let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path).map_err(io)?;
-    match file.try_lock() {
-        Ok(()) => {
-            file.set_len(0).map_err(io)?;
-            file.write_all(std::process::id().to_string().as_bytes()).map_err(io)?;
-            Ok(Lock(file))
-        }
-        Err(TryLockError::WouldBlock) => {
-            let mut holder = String::new();
-            let _ = file.take(20).read_to_string(&mut holder);
-            Err(StoreError::Locked { path: dir.to_path_buf(), holder: format!("process {holder}") })
-        }
-        Err(TryLockError::Error(source)) => Err(io(source)),
+    if let Err(error) = file::lock(&file, &path) {
+        let mut holder = String::new();
+        return Err(match error {
+            StoreError::Locked { .. } => {
+                let _ = file.take(20).read_to_string(&mut holder);
+                StoreError::Locked { path: dir.to_path_buf(), holder: format!("process {holder}") }
+            }
+            other => other,
+        });
     }
+    file.set_len(0).map_err(io)?;
+    file.write_all(std::process::id().to_string().as_bytes()).map_err(io)?;
+    Ok(Lock(file))
 }
 
-/// The same for who only looks: a folder that cannot be written to has no other writer, and is looked at without a lock.
+/// The same for who only looks: a folder that cannot be written to has no other writer, and is looked at without a lock. So is one
+/// on a disk that has no locks.
 pub(super) fn take_lock_to_look(dir: &Path) -> Result<Option<Lock>, StoreError> {
     match take_lock(dir) {
         Err(StoreError::Io { source, .. })
@@ -267,6 +271,7 @@ pub(super) fn take_lock_to_look(dir: &Path) -> Result<Option<Lock>, StoreError> 
         {
             Ok(None)
         }
+        Err(StoreError::NoLocks { .. }) => Ok(None),
         lock => lock.map(Some),
     }
 }

@@ -8,7 +8,7 @@
 //! prints.
 
 use std::{
-    fs::{File, OpenOptions, TryLockError},
+    fs::{File, OpenOptions},
     io::{BufReader, Read, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
 };
@@ -108,7 +108,7 @@ impl Transcript {
             .create_new(true)
             .open(path)
             .map_err(|source| StoreError::io("create", path, source))?;
-        lock(&file, path)?;
+        file::lock(&file, path)?;
         Ok(Transcript::at_start(path, file, Vec::new(), false))
     }
 
@@ -138,7 +138,7 @@ impl Transcript {
         let io = |source| StoreError::io("open", path, source);
         file::no_device(path)?;
         let mut file = OpenOptions::new().read(true).write(true).open(path).map_err(io)?;
-        lock(&file, path)?;
+        file::lock(&file, path)?;
         let mut hashes = Vec::new();
         let Walked { whole_bytes, damage, unfinished, sealed } =
             walk(path, threads, &mut |event| hashes.push(event.hash))?;
@@ -254,16 +254,6 @@ fn event_at(path: &Path, seq: u64) -> Result<Event, StoreError> {
     })?;
     let gone = || format!("expected event {seq}, which was there when the run began, found none");
     difference.ok_or_else(|| StoreError::corrupt(Damage::at(path, format!("line {}", seq + 1), gone())))
-}
-
-fn lock(file: &File, path: &Path) -> Result<(), StoreError> {
-    match file.try_lock() {
-        Ok(()) => Ok(()),
-        Err(TryLockError::WouldBlock) => {
-            Err(StoreError::Locked { path: path.to_path_buf(), holder: "another process".to_string() })
-        }
-        Err(TryLockError::Error(source)) => Err(StoreError::io("lock", path, source)),
-    }
 }
 
 /// What a walk through a transcript found besides its events.

@@ -326,7 +326,18 @@ fn a_rollout_is_a_film_as_well_and_what_cannot_be_filmed_is_said() {
         let (ran, left) = draw(file, more, path);
         assert!(ran.code == 2 && ran.stderr.contains(expected) && left.is_none(), "{file}: {}", ran.stderr);
     }
-    assert!(!dir.path().join("none.mp4.part").exists());
+    // A folder beside the film takes what is encoded: a file of somebody's stays, and nothing is left.
+    let (tools, theirs) = (dir.path().join("tools"), dir.path().join("mine.mp4.part"));
+    std::fs::create_dir(&tools).unwrap();
+    std::fs::write(&theirs, "weeks of work").unwrap();
+    let encoder = "#!/bin/sh\nfor last do :; done\n/bin/cat > \"$last\"\n";
+    std::fs::write(tools.join("ffmpeg"), encoder).unwrap();
+    Command::new("chmod").arg("755").arg(tools.join("ffmpeg")).status().unwrap();
+    let (ran, film) = draw("mine.mp4", &[], tools.to_str());
+    assert!(ran.code == 0 && film.is_some_and(|film| !film.is_empty()), "{}", ran.stderr);
+    assert_eq!(std::fs::read_to_string(&theirs).unwrap(), "weeks of work");
+    let hidden = |entry: std::fs::DirEntry| entry.file_name().to_string_lossy().starts_with('.');
+    assert!(!std::fs::read_dir(dir.path()).unwrap().any(|entry| hidden(entry.unwrap())));
     match Command::new("ffmpeg").arg("-version").output() {
         Ok(_) => {
             let (ran, film) = draw("one.mp4", &[], None);

@@ -378,10 +378,14 @@ fn what_killed_bundle_commands_left_goes_with_the_next_one() {
     let dir = tempfile::tempdir().unwrap();
     let folder = imported(dir.path());
     let at = |name: &str| dir.path().join(name);
-    // A process of such a number cannot be.
-    std::fs::write(at(".run.evodrive.99999999.tmp"), "half").unwrap();
-    std::fs::create_dir_all(at(".copy.99999999.tmp/store")).unwrap();
-    std::fs::create_dir_all(at("evodrive-bundle-99999999/run")).unwrap();
+    // Folders with the mark of such a command, which nobody holds; and some of the same names without it, which are somebody's.
+    for begins in [".run.evodrive.", ".copy.", "evodrive-bundle-"] {
+        for (number, mark) in [("1-0", format!("evodrive-folder/1 {begins}\n")), ("2-0", "mine".into())] {
+            std::fs::create_dir_all(at(&format!("{begins}{number}/store"))).unwrap();
+            std::fs::write(at(&format!("{begins}{number}/.evodrive-own")), mark).unwrap();
+        }
+    }
+    std::fs::write(at(".run.evodrive.99999999.tmp"), "theirs").unwrap();
     let made = at("run.evodrive");
     assert_eq!(bundle(&["create", path(&folder), "--out", path(&made)]).code, 0);
     assert_eq!(bundle(&["import", path(&made), "--out", path(&at("copy"))]).code, 0);
@@ -391,5 +395,6 @@ fn what_killed_bundle_commands_left_goes_with_the_next_one() {
         .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
         .collect();
     left.sort();
-    assert_eq!(left, ["copy", "run", "run.evodrive"]);
+    let theirs = [".copy.2-0", ".run.evodrive.2-0", ".run.evodrive.99999999.tmp", "copy", "evodrive-bundle-2-0"];
+    assert_eq!(left, [&theirs[..], &["run", "run.evodrive"]].concat());
 }

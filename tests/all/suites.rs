@@ -435,6 +435,63 @@ fn the_shipped_suite_holds_every_family_and_its_leaderboard_is_the_golden_one() 
     }
 }
 
+/// Beside a result lies what a planner answered, under names that nobody has typed.
+#[test]
+fn a_folder_or_file_of_somebodys_beside_a_result_stays() {
+    if !python() {
+        return;
+    }
+    let (folder, path) = planner("planner.py", &[]);
+    let (at, suite) = (|name: &str| folder.path().join(name), shared().path("one.suite"));
+    let theirs = |name: &str| {
+        std::fs::create_dir_all(at(name).parent().unwrap()).unwrap();
+        std::fs::write(at(name), "weeks of sensor logs").unwrap();
+    };
+    let stays = |name: &str| std::fs::read_to_string(at(name)).is_ok_and(|text| text == "weeks of sensor logs");
+    let drive = |driver: &str, more: &[&str]| {
+        let mut command = evodrive();
+        command.args(["suite", "run", &suite, "--family", "cat", "--driver", driver, "--out"]).arg(at("new.json"));
+        Ran::of(command.args(more))
+    };
+    let planner = path.to_str().unwrap();
+    theirs("new.recording/raw/log.bin");
+    for more in [&[][..], &["--overwrite"]] {
+        let refused = drive(planner, more);
+        assert!(refused.code == 2 && refused.stderr.contains("without this program's mark"), "{}", refused.stderr);
+        let own = drive("standing", more);
+        assert_eq!(own.code, 0, "{}", own.stderr);
+        assert!(stays("new.recording/raw/log.bin") && at("new.json").exists());
+        assert_eq!(std::fs::read_dir(at("new.recording")).unwrap().count(), 1, "nothing was put into it");
+    }
+    let leader = |more: &[&str]| {
+        let mut command = evodrive();
+        command.args(["leaderboard", &suite, "--family", "cat", "--driver", "standing", "--kept"]).arg(at("kept"));
+        Ran::of(command.args(more))
+    };
+    assert_eq!(leader(&[]).code, 0);
+    let kept = std::fs::read_dir(at("kept")).unwrap().next().unwrap().unwrap().path();
+    let recording = format!("kept/{}.recording/log", kept.file_stem().unwrap().to_string_lossy());
+    theirs(&recording);
+    assert_eq!(leader(&[]).code, 0);
+    assert!(stays(&recording));
+    // A planner's recording that was begun for something else, and answers of another planner.
+    std::fs::remove_dir_all(at("new.recording")).unwrap();
+    std::fs::create_dir(at("new.recording")).unwrap();
+    std::fs::write(at("new.recording/.evodrive-own"), "evodrive-folder/1 another\n").unwrap();
+    let refused = drive(planner, &["--overwrite"]);
+    assert!(refused.code == 2 && refused.stderr.contains("for something else"), "{}", refused.stderr);
+    std::fs::remove_dir_all(at("new.recording")).unwrap();
+    let driven = drive(planner, &["--overwrite"]);
+    assert_eq!(driven.code, 0, "{}", driven.stderr);
+    assert!(at("new.rollouts.jsonl.zst").exists() && !at("new.recording").exists());
+    let answers = std::fs::read(at("new.rollouts.jsonl.zst")).unwrap();
+    std::fs::remove_file(at("new.json")).unwrap();
+    begun_with(&path, "# another planner\n");
+    let refused = drive(planner, &["--overwrite"]);
+    assert!(refused.code == 2 && refused.stderr.contains("new.rollouts.jsonl.zst: expected"), "{}", refused.stderr);
+    assert_eq!(std::fs::read(at("new.rollouts.jsonl.zst")).unwrap(), answers);
+}
+
 #[test]
 fn a_killed_command_goes_on_where_it_was() {
     if !python() {

@@ -4,10 +4,11 @@ use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
+use crate::cli::records::folder::open_store;
 use crate::cli::terminal::{answer::Answer, exit::Failure, timed::timed};
 use crate::kernel::{Digest, Threads};
 use crate::llm::{Ask, AskError, Cassette, DrawSlot, Message, ModelSpec, Replay, Request, Schema};
-use crate::store::{self, MemoKind, Store, StoreError};
+use crate::store::{self, MemoKind, OwnDir, StoreError};
 
 /// Bytes of an object, about those of a rollout record.
 const OBJECT_BYTES: usize = 2048;
@@ -34,12 +35,12 @@ pub struct LedgerOptions {
 
 pub fn run(options: &LedgerOptions, jobs: usize) -> Result<Answer, Failure> {
     let dir = &options.scratch;
-    if dir.exists() {
+    let Some(own) = OwnDir::make(dir, "bench")? else {
         return Err(Failure::bad_input(format!("{}: expected no folder yet, found one", dir.display())));
-    }
+    };
     let done = store_speed(dir, options.objects, jobs);
     // The first failure is the one to tell.
-    let _ = store::remove_dir(dir);
+    let _ = own.remove();
     let [record, get, verify] = done?;
     let misses = misses(options)?;
     let text = format!(
@@ -62,7 +63,7 @@ fn store_speed(dir: &Path, count: usize, jobs: usize) -> Result<[f64; 3], Failur
             seed.as_bytes().iter().copied().cycle().take(OBJECT_BYTES).collect()
         })
         .collect();
-    let objects = Store::open(dir)?;
+    let objects = open_store(dir)?;
     let key = |i: usize| Digest::of_bytes(format!("request {i}").as_bytes());
     let (recorded, record_s) = timed(|| -> Result<Vec<Digest>, StoreError> {
         let mut digests = Vec::with_capacity(count);

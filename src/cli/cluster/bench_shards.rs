@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::adapters::ADAPTER_VERSION;
-use crate::cli::records::folder::files;
+use crate::cli::records::folder::{files, open_store};
 use crate::cli::terminal::{answer::Answer, exit::Failure, timed::timed};
 use crate::compiler::{Prepared, Situation};
 use crate::ego::Policy;
@@ -21,7 +21,7 @@ use crate::objects::event::Versions;
 use crate::objects::{FamilyName, LineageId, Program, SolutionId};
 use crate::shard::{Came, Merge, RESULT_ENDING, ResultFile, Shard, StudyMark, TaskResult, split};
 use crate::sim::{SIM_VERSION, rollout_assessed};
-use crate::store::{self, Store};
+use crate::store;
 
 #[derive(Debug, Args)]
 pub struct ShardsOptions {
@@ -53,7 +53,7 @@ pub fn run(options: &ShardsOptions, jobs: usize) -> Result<Answer, Failure> {
     let planned = planned?;
     let (worked, writing) = timed(|| write_results(&planned, &record, &study));
     worked?;
-    let store = Store::open(&options.folder.join("store"))?;
+    let store = open_store(&options.folder.join("store"))?;
     let results = files(&shards, RESULT_ENDING)?;
     let merge = || {
         Merge { study: &study, shards: &shards, store: &store, withdrawn: &[], cassette: None, key: None }

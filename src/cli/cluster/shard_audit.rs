@@ -8,13 +8,13 @@ use serde_json::Value;
 use crate::backend::{Answers, Replay};
 use crate::cli::cluster::shard_done::{Nobody, done, hold_keys};
 use crate::cli::evolve::behind;
-use crate::cli::records::scratch::Scratch;
+use crate::cli::records::folder::open_store;
 use crate::cli::terminal::exit::Failure;
 use crate::epoch::{Meter, Mode, Rollouts, Study, Tools, Workbench};
 use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
 use crate::shard::{Came, Merge, ResultFile, Shard, ShardError, Untrue};
-use crate::store::{self, Store};
+use crate::store::{self, Scratch};
 
 /// What an audit found.
 pub struct Audited {
@@ -72,7 +72,7 @@ impl Auditor<'_> {
                 drawn.push(place);
             }
         }
-        let store = Store::open(scratch)?;
+        let store = open_store(scratch)?;
         let replay = result.answers.map(|answers| Replay::new(answers, "do the shard again"));
         let answers = replay.as_ref().map(|replay| replay as &dyn Answers);
         let rollouts = Rollouts::new(&store, Mode::Verify);

@@ -9,13 +9,13 @@ use crate::cli::cluster::shard_audit::{self, Auditor};
 use crate::cli::cluster::shard_done::Nobody;
 use crate::cli::cluster::shard_target::{Target, TargetOptions};
 use crate::cli::evolve::behind;
-use crate::cli::records::folder::{RunFolder, files};
+use crate::cli::records::folder::{RunFolder, files, open_store};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::{Exit, Failure};
 use crate::epoch::{Meter, Mode, Rollouts, RunError, Task, Tools, Workbench};
 use crate::llm::{Completion, Record};
 use crate::shard::{Merge, Merged, RESULT_ENDING, StudyMark, Withdrawn};
-use crate::store::{self, Store};
+use crate::store;
 use crate::text::counted;
 
 #[derive(Debug, Args)]
@@ -86,7 +86,7 @@ fn keep_asked(merged: &mut Merged, folder: &RunFolder) -> Result<usize, Failure>
     if asked.is_empty() {
         return Ok(0);
     }
-    let store = Store::open(&folder.recording())?;
+    let store = open_store(&folder.recording())?;
     for of in &asked {
         let key = of.answer;
         let absent = || Failure::corruption(format!("the answer to question {key} has no bytes; do its shard again"));

@@ -9,7 +9,7 @@ use crate::backend::{Answers, Replay as Recorded};
 use crate::cli::cluster::shard_target::{Target, TargetOptions};
 use crate::cli::cluster::{shard_lineage, shard_needs};
 use crate::cli::evolve::{behind, models};
-use crate::cli::records::folder::{RunFolder, files};
+use crate::cli::records::folder::{RunFolder, files, open_store};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::{exit::Failure, interrupt::Interrupt};
 use crate::epoch::{self, Desk, Meter, Mode, Rollouts, Task, Tools, Wanted};
@@ -17,7 +17,7 @@ use crate::kernel::Digest;
 use crate::llm::{Ask, Cassette, Record, RecordMode, Replay};
 use crate::objects::Program;
 use crate::shard::{Need, RESULT_ENDING, SHARD_ENDING, Shard, StudyMark, split};
-use crate::store::{self, Store, Transcript};
+use crate::store::{self, Scratch, Transcript};
 
 #[derive(Debug, Args)]
 pub struct PlanOptions {
@@ -58,7 +58,7 @@ fn planned(options: &PlanOptions, target: &Target) -> Result<Answer, Failure> {
         answers.save(&folder.rollouts(), &job.experiment.name)?;
     }
     let study = job.experiment.study(job.scenes.clone(), &job.threads)?;
-    let remembered = options.record.then(|| Store::open(&folder.recording())).transpose()?;
+    let remembered = options.record.then(|| open_store(&folder.recording())).transpose()?;
     let replay = Replay::new(recorded.clone(), format!("evodrive shard plan --record {}", named.display()));
     let anywhere = shard_lineage::asks_anywhere(&job.experiment);
     // Tasks ask nobody, so for them the plan does.
@@ -81,9 +81,8 @@ fn planned(options: &PlanOptions, target: &Target) -> Result<Answer, Failure> {
     let open = open.filter(|_| options.record && !asks);
     let needs = shard_needs::gathered(&job.experiment, folder, asks)?;
     let mark = StudyMark::of(&study);
-    let walk = folder.shards().join("walk.jsonl");
-    store::create_dir(&folder.shards())?;
-    store::remove_file(&walk)?;
+    let scratch = Scratch::under(&folder.shards(), ".walk-")?;
+    let walk = scratch.dir.join("walk.jsonl");
     let labels = Rollouts::new(&held.objects, Mode::Reuse);
     let tools = || {
         let tools = Tools::new(&study, ask, &job.threads, &labels, Meter::default());
@@ -97,7 +96,6 @@ fn planned(options: &PlanOptions, target: &Target) -> Result<Answer, Failure> {
         let mut desk = Desk { log: Transcript::create(&walk)?, watch: &mut |_| {}, tools: tools() };
         epoch::plan(&study, &mut desk, &walk, &recorded, &wanted)
     };
-    store::remove_file(&walk)?;
     let complete = complete?;
     // Where models were asked the answers to this walk's own questions travel.
     let recorded = asked.as_ref().map(|asked| asked.to_cassette("plan")).transpose()?.unwrap_or(recorded);

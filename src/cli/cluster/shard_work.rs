@@ -11,14 +11,14 @@ use crate::cli::cluster::shard_lineage::{self, Bench};
 use crate::cli::cluster::shard_needs;
 use crate::cli::cluster::worker_process::Processes;
 use crate::cli::evolve::behind;
-use crate::cli::records::folder::RunFolder;
+use crate::cli::records::folder::{RunFolder, open_store};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::Failure;
 use crate::epoch::{Mode, Rollouts, Study, Task, Workbench};
 use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
 use crate::shard::{Came, ResultFile, Shard, StudyMark, TaskResult};
-use crate::store::{self, Store};
+use crate::store::{self, OwnDir};
 
 #[derive(Debug, Args)]
 pub struct WorkOptions {
@@ -112,7 +112,9 @@ impl Site {
         (threads, open): (&Threads, Option<usize>),
     ) -> Result<Vec<TaskResult>, Failure> {
         let scratch = result.with_file_name(format!(".{}.work", digest.short(16)));
-        let store = Store::open(&scratch)?;
+        // What a killed try left there is gone on with, and a folder of somebody else's is not touched.
+        let own = OwnDir::open(&scratch, &digest.to_hex())?;
+        let store = open_store(&scratch)?;
         let processes = Processes::default();
         let driver = self.experiment.driver.as_ref();
         let planner = driver.map(|driver| shard_needs::planner(driver, &self.folder)).transpose()?;
@@ -148,7 +150,7 @@ impl Site {
         let answers = recorder.map(|recorder| recorder.cassette().0);
         store::write_atomic(result, &ResultFile::bytes(digest, &self.mark, &results, answers.as_ref(), way.as_ref()))?;
         drop(store);
-        store::remove_dir(&scratch)?;
+        own.remove()?;
         Ok(results)
     }
 

@@ -3,7 +3,7 @@
 use clap::Args;
 use serde_json::json;
 use std::convert::Infallible;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::cli::scenes::files;
 use crate::cli::scenes::recorded_crash::{self, RecordedCrash};
@@ -52,8 +52,8 @@ fn family(word: &str) -> Result<String, Infallible> {
 /// Reads the scenes, so that what cannot be used is told now and the split fits them.
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let path = PathBuf::from(format!("{}.toml", options.name));
-    if path.exists() {
-        return Err(Failure::bad_input(format!("{} exists already; name another experiment", path.display())));
+    if store::is_taken(&path) {
+        return Err(exists(&path));
     }
     let read = |path: &PathBuf| Ok::<_, Failure>((path.clone(), files::read(std::slice::from_ref(path), jobs)?));
     let scenes = options.scenes.as_ref().map(read).transpose()?;
@@ -72,7 +72,9 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     };
     let Started { text, shows, few } = starter(&begun)?;
     let crashes = crashes(&begun, jobs)?;
-    store::write_atomic(&path, text.as_bytes())?;
+    if !store::write_new(&path, text.as_bytes())? {
+        return Err(exists(&path));
+    }
     let shown = path.display();
     // The file says it in a comment; who does not open it is to know it all the same.
     let said: String = start
@@ -89,6 +91,10 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     );
     let object = json!({"experiment": path, "text": text, "few": few, "recorded_crashes": crashes.0});
     Ok(Answer::new(format!("{text}\n{said}\nwritten to {shown}; next:\n{next}\n"), object))
+}
+
+fn exists(path: &Path) -> Failure {
+    Failure::bad_input(format!("{} exists already; name another experiment", path.display()))
 }
 
 /// Scenes of the user's whose recorded ego itself crashes, and the lines that say so.

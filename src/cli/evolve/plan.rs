@@ -13,7 +13,7 @@ use crate::cli::evolve::plan_cost::{RoleCost, rest};
 use crate::cli::evolve::plan_looked::{Looked, Seen};
 use crate::cli::evolve::run::Job;
 use crate::cli::evolve::{behind, held::Held, other_pool};
-use crate::cli::records::folder::RunFolder;
+use crate::cli::records::folder::{RunFolder, open_store};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::{Exit, Failure};
 use crate::cli::terminal::typed::instead;
@@ -21,7 +21,7 @@ use crate::epoch::{self, Desk, Meter, Mode, Rollouts, RunError, Study, Tools};
 use crate::evaluation::EvaluationError;
 use crate::experiment::Experiment;
 use crate::llm::{AskError, Cassette};
-use crate::store::{self, Store, Transcript};
+use crate::store::{Scratch, Transcript};
 use crate::text::counted;
 
 /// Missing questions that the text names; `--json` names all.
@@ -63,7 +63,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
 
 fn planned(options: &Options, job: Job, held: &Held, cassette: &Cassette) -> Result<Answer, Failure> {
     let kept = held.folder.recording();
-    let kept = kept.exists().then(|| Store::open(&kept)).transpose()?;
+    let kept = kept.exists().then(|| open_store(&kept)).transpose()?;
     let looked = Looked::new(cassette, kept.as_ref());
     let own = job.own_cassette(&options.job)?;
     let Job { experiment, scenes, threads, .. } = job;
@@ -91,17 +91,15 @@ fn walk(
         _ => None,
     };
     let answers = recorded.as_ref().map(|recorded| recorded as &dyn Answers);
-    let file = held.folder.dir.join("plan.jsonl");
-    store::remove_file(&file)?;
+    let scratch = Scratch::under(&held.folder.dir, ".plan-")?;
     progress(format!("run folder: {}", held.folder.dir.display()));
     let rollouts = Rollouts::new(&held.objects, Mode::Reuse);
     let ended = {
         let tools = Tools::new(study, looked, threads, &rollouts, Meter::default());
         let tools = tools.behind(behind::backend(experiment, answers));
-        let mut desk = Desk { log: Transcript::create(&file)?, watch: &mut |_| {}, tools };
+        let mut desk = Desk { log: Transcript::create(&scratch.dir.join("plan.jsonl"))?, watch: &mut |_| {}, tools };
         epoch::run(study, &mut desk)
     };
-    store::remove_file(&file)?;
     held.objects.flush()?;
     match ended {
         Ok(_) => Ok(End::Complete),

@@ -9,7 +9,7 @@ use crate::cli::evolve::job_args::{JobArgs, RecordArgs, ResumeArgs, RunArgs};
 use crate::cli::evolve::{behind, cost, held::Held, models, other_pool, overwriting};
 use crate::cli::look::page;
 use crate::cli::records::covered::{RESULT_BYTES_MAX, generated, of_result};
-use crate::cli::records::folder::{Recording, RunFolder};
+use crate::cli::records::folder::{Recording, RunFolder, open_store};
 use crate::cli::records::run_name::OneRun;
 use crate::cli::scenes::left_out;
 use crate::cli::terminal::answer::{Answer, progress};
@@ -184,7 +184,7 @@ fn carry_out_recording(
     (way, open): (Way, Option<u16>),
 ) -> Result<Answer, Failure> {
     let path = &recording.cassette;
-    let answers = Store::open(&folder.recording())?;
+    let answers = open_store(&folder.recording())?;
     // Answers may differ from those of an earlier recording of the same inputs. A finished run is kept until this one is.
     folder.set_aside()?;
     let mode = match recording.fresh {

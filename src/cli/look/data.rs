@@ -5,12 +5,13 @@ use serde_json::json;
 use std::path::PathBuf;
 
 use crate::cli::evolve::cost;
-use crate::cli::records::{folder::RunFolder, run_name::OneRun};
+use crate::cli::records::folder::{RunFolder, open_store};
+use crate::cli::records::run_name::OneRun;
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::evidence::data::{Rollout, Sheet, records, sheets};
 use crate::kernel::{Digest, Threads};
-use crate::store::{self, Store};
+use crate::store;
 use crate::text::counted;
 
 #[derive(Debug, Args)]
@@ -66,7 +67,7 @@ pub fn rollouts(folder: &RunFolder, wanted: &[Digest], threads: &Threads) -> Res
     if !folder.store().exists() {
         return Ok(Vec::new());
     }
-    let objects = Store::open(&folder.store())?;
+    let objects = open_store(&folder.store())?;
     let read = |record: &Digest| -> Result<Option<(Digest, Rollout)>, Failure> {
         if !objects.contains(record) {
             return Ok(None);

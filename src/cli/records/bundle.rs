@@ -7,14 +7,15 @@ use std::path::{Path, PathBuf};
 
 use crate::adapters::ADAPTER_VERSION;
 use crate::bundle::{self, About, BundleError, Manifest, Part, Signer, Source, Version};
-use crate::cli::records::{bundle_replay, covered::coverage, folder::RunFolder, run_name::OneRun};
+use crate::cli::records::folder::{RunFolder, open_store};
+use crate::cli::records::{bundle_replay, covered::coverage, run_name::OneRun};
 use crate::cli::terminal::answer::Answer;
 use crate::cli::terminal::exit::{Exit, Failure};
 use crate::cli::terminal::output::Output;
 use crate::evaluation::EVAL_VERSION;
 use crate::experiment::Experiment;
 use crate::sim::SIM_VERSION;
-use crate::store::{self, Store};
+use crate::store::{self, Scratch, Store};
 
 /// Bytes that a file with a key may have.
 const KEY_BYTES_MAX: u64 = 1 << 14;
@@ -132,7 +133,7 @@ fn create(options: &CreateOptions) -> Result<Answer, Failure> {
         return Err(Failure::corruption(damage));
     }
     options.output.may_be_made(&options.out)?;
-    let objects = Store::open(&folder.store())?;
+    let objects = open_store(&folder.store())?;
     let known = crate::objects::event::Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION };
     if run.opened.versions != known {
         return Err(Failure::bad_input(
@@ -213,25 +214,12 @@ pub fn unpack(read: &ReadOptions, out: &Path) -> Result<(bundle::Opened, RunFold
     if store::is_taken(out) {
         return Err(Failure::bad_input(format!("{}: expected no file or folder yet, found one", out.display())));
     }
-    let begins = format!(".{}.", out.file_name().unwrap_or_default().to_string_lossy());
-    let home = out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    store::remove_abandoned(home, &begins, ".tmp");
-    let beside = home.join(format!("{begins}{}.tmp", std::process::id()));
-    store::create_dir(&beside)?;
-    let claimed = store::claim(&beside)?;
-    let unpacked =
-        bundle::open(&read.bundle, read.bytes_max, Some(&beside)).map_err(Failure::from).and_then(|opened| {
-            let folder = RunFolder { dir: beside.clone() };
-            agrees(&opened.manifest, &folder, &read.bundle)?;
-            store::rename(&beside, out)?;
-            Ok(opened)
-        });
-    if unpacked.is_err() {
-        // The first failure is the one to tell.
-        let _ = store::remove_dir(&beside);
-    }
-    drop(claimed);
-    Ok((unpacked?, RunFolder { dir: out.to_path_buf() }))
+    let scratch = Scratch::beside(out)?;
+    let folder = RunFolder { dir: scratch.dir.join("run") };
+    let opened = bundle::open(&read.bundle, read.bytes_max, Some(&folder.dir))?;
+    agrees(&opened.manifest, &folder, &read.bundle)?;
+    store::rename(&folder.dir, out)?;
+    Ok((opened, RunFolder { dir: out.to_path_buf() }))
 }
 
 /// Whether the files are those of the run that the manifest speaks of; gives the folder its card.

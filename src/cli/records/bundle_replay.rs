@@ -8,14 +8,14 @@ use crate::bundle::{Opened, key_name, verified};
 use crate::cli::evolve::run;
 use crate::cli::records::bundle::{VerifyOptions, check_versions, exit_of, key_text, unpack};
 use crate::cli::records::covered::{coverage, exchanges};
-use crate::cli::records::{folder::RunFolder, scratch::Scratch};
+use crate::cli::records::folder::RunFolder;
 use crate::cli::terminal::{answer::Answer, answer::progress, exit::Failure};
 use crate::evidence::{Gravity, RecordedRun, audit};
 use crate::families;
 use crate::kernel::Digest;
 use crate::llm::Cassette;
 use crate::objects::FamilyName;
-use crate::store;
+use crate::store::{self, Scratch};
 
 pub fn run(options: &VerifyOptions, jobs: usize) -> Result<Answer, Failure> {
     let place = options.scratch.clone().unwrap_or_else(temporary);

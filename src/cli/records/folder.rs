@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::adapters::ADAPTER_VERSION;
 use crate::cli::records::setting;
+use crate::cli::terminal::answer::progress;
 use crate::cli::terminal::exit::{Exit, Failure};
 use crate::evaluation::EVAL_VERSION;
 use crate::evidence::{Declared, Reading, RecordedRun, RecordedRunError};
@@ -12,7 +13,7 @@ use crate::experiment::{Experiment, ExperimentError, composed, read_pool};
 use crate::kernel::{Digest, Threads};
 use crate::scene::Pool;
 use crate::sim::SIM_VERSION;
-use crate::store::{self, MemoKind, Store, StoreError, Transcript};
+use crate::store::{self, MemoKind, OwnDir, Store, StoreError, Transcript};
 
 /// Where run folders lie, unless `--out` says another place.
 pub const RUNS: &str = "runs";
@@ -140,10 +141,18 @@ impl RunFolder {
     /// Whether it holds what cannot be made again: answers of models or of another simulator, or questions to them.
     pub fn holds_answers(&self) -> bool {
         let recorded = self.recording().exists()
-            && Store::open(&self.recording()).map_or(true, |store| {
+            && open_store(&self.recording()).map_or(true, |store| {
                 [MemoKind::Llm, MemoKind::Rollout].into_iter().any(|kind| store.memo_len(kind) > 0)
             });
         recorded || self.exchanges().exists() || self.dir.join(SPEND).exists()
+    }
+
+    /// Whether it is a run's: what a run writes first is there, or the mark of a command that made it, or nothing yet.
+    pub fn is_one(&self) -> Result<bool, StoreError> {
+        let own = [self.card_file(), self.experiment(), self.transcript(), self.store().join("objects.pack")];
+        Ok(own.iter().any(|file| file.exists())
+            || OwnDir::is_one(&self.dir)
+            || self.dir.is_dir() && store::list_entries(&self.dir, "")?.is_empty())
     }
 
     pub fn experiment(&self) -> PathBuf {
@@ -207,14 +216,20 @@ impl RunFolder {
     pub fn set_aside(&self) -> Result<(), Failure> {
         let path = self.transcript();
         if path.exists() && Transcript::continue_from_start(&path)?.is_recorded_whole() {
+            self.forget_what_was_set_aside()?;
             store::rename(&path, &self.aside())?;
         }
         Ok(store::remove_file(&path)?)
     }
 
-    /// Removes the transcript that was set aside.
+    /// Removes the transcript that was set aside; what is none is somebody's.
     pub fn forget_what_was_set_aside(&self) -> Result<(), Failure> {
-        Ok(store::remove_file(&self.aside())?)
+        let path = self.aside();
+        if store::is_taken(&path) && !(path.is_file() && Transcript::continue_from_start(&path)?.is_recorded_whole()) {
+            let (expected, found) = ("no file, or a finished transcript that was set aside", "something else");
+            return Err(StoreError::Foreign { path, expected, found }.into());
+        }
+        Ok(store::remove_file(&path)?)
     }
 
     /// The store of a recording's answers.
@@ -296,7 +311,15 @@ impl RunFolder {
     /// Makes this the folder that commands take when none is named. Only a run that ended well is.
     pub fn mark_latest(&self) -> Result<(), Failure> {
         if let (Some(runs), Some(name)) = (self.dir.parent(), self.dir.file_name()) {
-            store::write_atomic(&runs.join(LATEST), name.to_string_lossy().as_bytes())?;
+            let path = runs.join(LATEST);
+            if store::is_taken(&path) && !names_a_run(&path) {
+                progress(format!(
+                    "{}: it names no run, so it stays as it is: `evodrive COMMAND RUN` names one",
+                    path.display()
+                ));
+                return Ok(());
+            }
+            store::write_atomic(&path, name.to_string_lossy().as_bytes())?;
         }
         Ok(())
     }
@@ -366,6 +389,31 @@ fn kept(error: ExperimentError) -> Failure {
     let remedy =
         "it is the copy that the run folder keeps: restore it, or delete the folder and run the experiment again";
     Failure::corruption(format!("{}; {remedy}", failure.message))
+}
+
+/// Whether a file holds the name of a run folder and no more, as `mark_latest` writes it; the folder itself may be gone.
+fn names_a_run(path: &Path) -> bool {
+    let text = store::read_bounded(path, CARD_BYTES_MAX).ok().and_then(|bytes| String::from_utf8(bytes).ok());
+    let name = text.as_deref().map_or("", str::trim);
+    let digits = name.rsplit_once('-').map_or("", |(_, digits)| digits);
+    let is_id = digits.len() == 8 && digits.bytes().all(|digit| digit.is_ascii_hexdigit()) && !name.contains('\n');
+    is_id || !name.is_empty() && path.with_file_name(name).join("run.json").is_file()
+}
+
+/// Opens a store; that its disk lacks locks is told once.
+pub fn open_store(dir: &Path) -> Result<Store, StoreError> {
+    static TOLD: std::sync::Once = std::sync::Once::new();
+    let store = Store::open(dir)?;
+    if store.opening().without_index_locks {
+        TOLD.call_once(|| {
+            progress(format!(
+                "{}: this disk has no fcntl locks (mounts of NFS, Lustre and GPFS may have none): the index goes without them, and is made anew from \
+                 the pack where it is damaged; one machine at a time may write here (docs/RUNS.md)",
+                dir.display()
+            ))
+        });
+    }
+    Ok(store)
 }
 
 /// Files of a folder with an ending, in order; none where there is no folder.

@@ -7,5 +7,4 @@ pub mod folder;
 pub mod fsck;
 pub mod redacted;
 pub mod run_name;
-pub mod scratch;
 pub mod setting;

@@ -15,7 +15,7 @@ use crate::draw::{
 };
 use crate::kernel::Threads;
 use crate::llm::command::{Ended, Run};
-use crate::store;
+use crate::store::{self, Scratch};
 use crate::text::counted;
 
 /// Panels of a strip, and the most of them.
@@ -200,11 +200,10 @@ fn drawn_film(options: &Options, kind: Kind, drawing: &Drawing, title: String, j
     Ok(Answer::new(text, json!({"out": options.out, "title": title, "pictures": pictures, "seconds": seconds})))
 }
 
-/// Has ffmpeg encode the pictures. It writes beside the file, which is moved to its place when it is whole.
+/// Has ffmpeg encode the pictures. It writes into a folder beside the file, which is moved to its place when it is whole.
 fn write_mp4(film: &Film, dt_s: f64, out: &Path) -> Result<(), Failure> {
-    let mut part = out.as_os_str().to_owned();
-    part.push(".part");
-    let part = PathBuf::from(part);
+    let scratch = Scratch::beside(out)?;
+    let part = scratch.dir.join("film.mp4");
     let size = format!("{}x{}", film.width, film.height);
     let rate = format!("{}", 1.0 / dt_s);
     let to = part.to_string_lossy().into_owned();
@@ -245,8 +244,6 @@ fn write_mp4(film: &Film, dt_s: f64, out: &Path) -> Result<(), Failure> {
         Ended::Stopped => format!("{}: stopped", out.display()),
         Ended::Late { .. } => format!("{}: ffmpeg did not end within {} s", out.display(), ENCODING_LIMIT.as_secs()),
     };
-    // The failure is what is to be told, not that a part of a film is left.
-    let _ = store::remove_file(&part);
     Err(Failure::bad_input(failed))
 }
 

@@ -26,9 +26,9 @@ pub struct Options {
 /// Reads the scenes, so that what cannot be used is said now and the split fits them.
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let folder = PathBuf::from(&options.name);
-    if folder.exists() {
-        let what = "exists already; name another study";
-        return Err(Failure::bad_input(format!("{} {what}", folder.display())));
+    let exists = || Failure::bad_input(format!("{} exists already; name another study", folder.display()));
+    if store::is_taken(&folder) {
+        return Err(exists());
     }
     let pool = files::read(std::slice::from_ref(&options.scenes), jobs)?;
     let written = agreement_study(
@@ -38,7 +38,9 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     )?;
     store::create_dir(&folder)?;
     for (file, text) in &written {
-        store::write_atomic(&folder.join(file), text.as_bytes())?;
+        if !store::write_new(&folder.join(file), text.as_bytes())? {
+            return Err(exists());
+        }
     }
     let name = &options.name;
     let text = format!(

@@ -144,7 +144,7 @@ fn recorded(options: &Options, file: &DownstreamFile, record: &Path, threads: &T
     store::create_dir(&options.kept)?;
     // Before any ego learns: what the sets are stands fixed beside the trainings, and their names hold it.
     let fixed = options.kept.join(format!("{}-{}.json", file.name, opening.recipe.short(8)));
-    store::write_atomic(&fixed, serde_json::to_string(&opening).map_err(Failure::internal)?.as_bytes())?;
+    options.output.write(&fixed, serde_json::to_string(&opening).map_err(Failure::internal)?.as_bytes())?;
     let interrupt = Interrupt::listen()?;
     let study =
         Study { file, opening: &opening, sets: &sets, kept: Some(options.kept.as_path()), interrupt: &interrupt };

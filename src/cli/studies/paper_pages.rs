@@ -4,14 +4,13 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::cli::cluster::worker_process::Processes;
-use crate::cli::records::scratch::Scratch;
 use crate::cli::terminal::answer::progress;
 use crate::cli::terminal::exit::Failure;
 use crate::evidence::paper::{
     FIGURE_TEXT_PT, figures_of, overfull, pages_of, smallest_text_pt, unsound_fonts, unsound_pages,
 };
 use crate::llm::command::{Ended, Run};
-use crate::store;
+use crate::store::{self, Scratch};
 
 /// Name of the text, without ending.
 const TEXT: &str = "evodrive";

@@ -10,7 +10,10 @@ use crate::cli::studies::program_hand::{draft_of, provenance};
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::experiment::{ProgramFile, ProgramFileError};
 use crate::families;
-use crate::store;
+use crate::store::{self, StoreError};
+
+/// First line of a draft: a file without it is nobody's draft, and is not removed.
+const HEAD: &str = "# Draft of `evodrive program edit`, which removes it when it has taken the text over.\n";
 
 /// Variables that name an editor, the first that is set first.
 const EDITORS: [&str; 2] = ["VISUAL", "EDITOR"];
@@ -29,8 +32,11 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         false => ProgramFile::read(path)?.to_toml().map_err(Failure::bad_input)?,
     };
     let editor = editor(path)?;
-    if !store::is_plain_file(&draft).unwrap_or(false) {
-        store::write_atomic(&draft, before.as_bytes())?;
+    if !store::write_new(&draft, format!("{HEAD}{before}").as_bytes())?
+        && !(store::is_plain_file(&draft)? && text_of(&draft)?.starts_with(HEAD))
+    {
+        let (expected, found) = ("no file, or a draft of this command", "one that does not begin as its drafts do");
+        return Err(StoreError::Foreign { path: draft, expected, found }.into());
     }
     let kept = format!(
         "your text is kept in {}; `evodrive program edit {}` goes on with it, and without that file it begins anew",
@@ -41,12 +47,15 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     in_terminal(&command).map_err(|reason| Failure::bad_input(format!("{reason}; {kept}")))?;
     let after =
         text_of(&draft).map_err(|failure| Failure { message: format!("{}; {kept}", failure.message), ..failure })?;
+    let with_head = after;
+    let after = with_head.strip_prefix(HEAD).unwrap_or(&with_head).to_string();
     if after == before {
         store::remove_file(&draft)?;
         return Ok(Answer::new(format!("{}: nothing changed\n", path.display()), json!({"file": path, "changes": []})));
     }
     let name = path.with_extension("toml");
-    let edited = match ProgramFile::from_toml(&name.to_string_lossy(), &after) {
+    // Places are told as the draft has them.
+    let edited = match ProgramFile::from_toml(&name.to_string_lossy(), &with_head) {
         Ok(edited) => edited,
         Err(error) => return Err(Failure::bad_input(format!("{}\n{kept}", every(&error)))),
     };

@@ -18,7 +18,7 @@ use crate::cli::terminal::interrupt::Interrupt;
 use crate::ego::Policy;
 use crate::kernel::{Digest, Threads};
 use crate::sim::Outcome;
-use crate::store::{self, Store};
+use crate::store::Store;
 use crate::suite::{Came, Case, Drive, FaultKind, Played};
 
 /// A planner by its digest, and its recorded answers by rules.
@@ -249,11 +249,6 @@ pub fn answers_beside(result: &Path, rules: usize) -> PathBuf {
 pub fn recording_beside(result: &Path) -> PathBuf {
     let stem = result.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     result.with_file_name(format!("{stem}.recording"))
-}
-
-/// Forgets what was recorded on the way.
-pub fn forget(recording: &Path) -> Result<(), Failure> {
-    Ok(store::remove_dir(recording)?)
 }
 
 fn interrupted(what: &str) -> Failure {

@@ -5,11 +5,11 @@ use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use crate::backend::RolloutCassette;
-use crate::cli::records::scratch::Scratch;
+use crate::backend::{DriverOptions, Header, RolloutCassette};
+use crate::cli::records::folder::open_store;
 use crate::cli::scenes::files;
 use crate::cli::studies::suite_drive::{
-    Answered, Driven, Kept, Recorded, Running, answers_beside, drive_own, drive_planner, drive_recorded, forget,
+    Answered, Driven, Kept, Recorded, Running, answers_beside, drive_own, drive_planner, drive_recorded,
     recording_beside, wheel_of,
 };
 use crate::cli::studies::suite_driver::TestDriver;
@@ -24,7 +24,7 @@ use crate::cli::terminal::shell::quoted;
 use crate::cli::terminal::width::table_width;
 use crate::kernel::Threads;
 use crate::sim::SIM_VERSION;
-use crate::store::Store;
+use crate::store::{OwnDir, Scratch, StoreError};
 use crate::suite::{
     Case, Frozen, Judged, Played, RESULT_FORMAT, Recording, Suite, SuiteMark, SuiteResult, Thresholds, Total, judged,
     junit, totals,
@@ -164,6 +164,8 @@ pub struct Made {
     pub answers: BTreeMap<usize, RolloutCassette>,
     /// The driver, to draw what it did.
     pub driver: TestDriver,
+    /// Where its answers waited, which goes when they are written.
+    recording: Option<OwnDir>,
 }
 
 /// Drives anew. A planner's answers wait beside `out` until all are there.
@@ -175,24 +177,47 @@ pub fn fresh(
 ) -> Result<Made, Failure> {
     let TestDriver::Planner(planner) = driver else {
         let driven = drive_own(stage, cases, driver, running)?;
-        return Ok(made(frozen, driver.clone(), driven));
+        return Ok(made(frozen, driver.clone(), driven, None));
     };
     let digest = planner.digest.ok_or_else(|| Failure::internal("a planner whose digest cannot be computed"))?;
-    let before = out.map_or_else(|| Ok(BTreeMap::new()), |out| answers_of(out, stage.suite))?;
-    let driven = match out {
+    let (driven, recording) = match out {
         Some(out) => {
+            let before = answers_of(out, stage.suite)?;
+            own_answers(out, &before, planner, stage.suite)?;
             let folder = recording_beside(out);
-            let store = Store::open(&folder)?;
-            drive_planner(stage, cases, planner, Kept { store: &store, before }, running)?
+            let recording = OwnDir::open(&folder, &format!("{} {digest}", frozen.digest))?;
+            let store = open_store(&folder)?;
+            (drive_planner(stage, cases, planner, Kept { store: &store, before }, running)?, Some(recording))
         }
         None => {
             let scratch = Scratch::under(&temporary(), "evodrive-suite-")?;
-            let store = Store::open(&scratch.dir)?;
-            drive_planner(stage, cases, planner, Kept { store: &store, before }, running)?
+            let store = open_store(&scratch.dir)?;
+            (drive_planner(stage, cases, planner, Kept { store: &store, before: BTreeMap::new() }, running)?, None)
         }
     };
     driven.compared.iter().for_each(progress);
-    Ok(made(frozen, TestDriver::Recorded(driver.mark(), digest), driven))
+    Ok(made(frozen, TestDriver::Recorded(driver.mark(), digest), driven, recording))
+}
+
+/// Refuses files of answers beside a result that are not this planner's, nor those of the result that is there: their names were
+/// derived, so that nobody has allowed them to be replaced.
+fn own_answers(
+    out: &Path,
+    before: &BTreeMap<usize, RolloutCassette>,
+    planner: &DriverOptions,
+    suite: &Suite,
+) -> Result<(), Failure> {
+    let of_result = suite_file::read_result(out).map_or_else(|_| Vec::new(), |result| result.recordings);
+    for (place, answers) in before {
+        let path = answers_beside(out, *place);
+        let is_named = of_result.iter().any(|of| path.file_name().is_some_and(|name| name == of.file.as_str()));
+        let options = planner.backend(&suite.rules[*place]).map_err(Failure::internal)?;
+        if !is_named && answers.backend != Header::of(&options) {
+            let (expected, found) = ("no file, or recorded answers of this driver", "those of another one");
+            return Err(StoreError::Foreign { path, expected, found }.into());
+        }
+    }
+    Ok(())
 }
 
 #[allow(clippy::disallowed_methods)]
@@ -246,7 +271,7 @@ pub fn again(
             _ => {}
         }
     }
-    Ok(made(frozen, TestDriver::Recorded(before.driver, planner), driven))
+    Ok(made(frozen, TestDriver::Recorded(before.driver, planner), driven, None))
 }
 
 /// The files of answers beside a result.
@@ -261,7 +286,7 @@ fn answers_of(result: &Path, suite: &Suite) -> Result<BTreeMap<usize, RolloutCas
     Ok(answers)
 }
 
-fn made(frozen: &Frozen, driver: TestDriver, driven: Driven) -> Made {
+fn made(frozen: &Frozen, driver: TestDriver, driven: Driven, recording: Option<OwnDir>) -> Made {
     let result = SuiteResult {
         format: RESULT_FORMAT.into(),
         suite: SuiteMark { name: frozen.suite.name.clone(), digest: frozen.digest },
@@ -270,7 +295,7 @@ fn made(frozen: &Frozen, driver: TestDriver, driven: Driven) -> Made {
         recordings: Vec::new(),
         cases: driven.cases,
     };
-    Made { result, answers: driven.answers, driver }
+    Made { result, answers: driven.answers, driver, recording }
 }
 
 /// Writes a result and its answers; a recording on the way is done.
@@ -285,7 +310,7 @@ pub fn write(made: &mut Made, out: &Path, output: Output) -> Result<(), Failure>
         output.write(&path, &crate::store::packed(&path, &bytes)?)?;
     }
     suite_file::write_result(&made.result, out, output)?;
-    forget(&recording_beside(out))
+    Ok(made.recording.as_ref().map_or(Ok(()), OwnDir::remove)?)
 }
 
 /// Judges, writes what was asked for, and says it.

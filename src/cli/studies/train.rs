@@ -2,7 +2,7 @@
 
 use clap::Args;
 use std::cell::Cell;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::cli::scenes::files;
@@ -67,6 +67,10 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     ));
     let grounds = Grounds { training: &training, validation: &validation, threads: &threads };
     let mut state = begin(stopped.as_deref(), &file, recipe)?;
+    if !options.resume && !is_of(&checkpoint, &file, recipe) {
+        // Its name was derived: it may be another training's, which could still be gone on with, or no checkpoint at all.
+        options.output.may_be_made(&checkpoint)?;
+    }
     let interrupt = Interrupt::listen()?;
     // The file may be there of an earlier training.
     let kept = Cell::new(options.resume);
@@ -107,6 +111,12 @@ pub fn lessons(pool: &Pool, simulator: &SimulatorOptions, threads: &Threads) -> 
     let prepared =
         threads.map(&scenes, |_, scene| Plant::with_options(PreparedScene::new(Arc::new((*scene).clone())), simulator));
     prepared.into_iter().map(|plant| plant.map(Lesson::from).map_err(Failure::bad_input)).collect()
+}
+
+/// Whether a file is a checkpoint of this training.
+fn is_of(path: &Path, file: &TrainingFile, recipe: Digest) -> bool {
+    let read = store::read_bounded(path, CHECKPOINT_BYTES_MAX);
+    read.is_ok_and(|bytes| Training::resumed(file.training, recipe, &bytes).is_ok())
 }
 
 /// A training from its beginning, or from the bytes of a checkpoint.

@@ -21,9 +21,11 @@ fn of_store(error: &StoreError) -> Failure {
         StoreError::Corrupt(_) => Failure::corruption(error),
         StoreError::Divergence(_) | StoreError::Conflict { .. } => Failure::divergence(error),
         of_the_place if of_the_place.is_of_the_place() => Failure::bad_input(error),
-        StoreError::TooLarge { .. } | StoreError::Locked { .. } | StoreError::Sealed { .. } => {
-            Failure::bad_input(error)
-        }
+        StoreError::TooLarge { .. }
+        | StoreError::Locked { .. }
+        | StoreError::NoLocks { .. }
+        | StoreError::Foreign { .. }
+        | StoreError::Sealed { .. } => Failure::bad_input(error),
         StoreError::Absent { .. } => Failure::corruption(error),
         StoreError::Io { .. } | StoreError::Unstorable { .. } => Failure::internal(error),
     }

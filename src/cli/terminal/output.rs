@@ -8,7 +8,7 @@ use crate::cli::terminal::exit::Failure;
 use crate::store;
 
 /// Files and folders that a run folder has of its own.
-const OWN: [&str; 20] = [
+const OWN: [&str; 22] = [
     "run.json",
     "experiment.toml",
     "scenes.pool",
@@ -18,6 +18,7 @@ const OWN: [&str; 20] = [
     "transcript.before.jsonl",
     "result.json",
     "cost.json",
+    "credit.json",
     "report.html",
     "spend.json",
     "processes.log",
@@ -29,6 +30,7 @@ const OWN: [&str; 20] = [
     "shards",
     "exchange",
     "tries",
+    "planner",
 ];
 /// A folder is a run's if one of these is in it.
 const MARKS: [&str; 2] = ["run.json", "transcript.jsonl"];

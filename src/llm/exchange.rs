@@ -88,26 +88,44 @@ impl Desk {
         if let Some(number) = numbers.get(&key) {
             return Ok(*number);
         }
-        let number = numbers.values().max().map_or(1, |last| last + 1);
-        let written = Written {
+        let mut written = Written {
             format: FORMAT.into(),
-            number,
-            reply_file: reply_name(number),
+            number: numbers.values().max().map_or(1, |last| last + 1),
+            reply_file: String::new(),
             key,
             slot: request.slot.clone(),
             model: request.model.label(),
             messages: request.messages.clone(),
             schema: request.schema.clone(),
         };
-        let json = serde_json::to_vec_pretty(&written).map_err(|error| on_disk(&self.dir, &error))?;
-        // The page first: who sees the JSON finds both.
-        let page = self.pages.then(|| (".request.md", page(&written).into_bytes()));
-        for (ending, bytes) in page.into_iter().chain([(REQUEST, json)]) {
-            let path = self.dir.join(format!("{number}{ending}"));
-            store::write_atomic(&path, &bytes).map_err(|error| on_disk(&path, &error))?;
+        loop {
+            written.reply_file = reply_name(written.number);
+            if self.put(&written)? {
+                numbers.insert(key, written.number);
+                return Ok(written.number);
+            }
+            // Whoever else has the number keeps it, and its reply.
+            written.number += 1;
         }
-        numbers.insert(key, number);
-        Ok(number)
+    }
+
+    /// Writes a question out under its number, and says whether the number was free. The page first: who sees the JSON finds both.
+    fn put(&self, written: &Written) -> Result<bool, ModelError> {
+        let json = serde_json::to_vec_pretty(written).map_err(|error| on_disk(&self.dir, &error))?;
+        let page = self.pages.then(|| (".request.md", page(written).into_bytes()));
+        if store::is_taken(&self.dir.join(&written.reply_file)) {
+            return Ok(false);
+        }
+        for (ending, bytes) in page.into_iter().chain([(REQUEST, json)]) {
+            let path = self.dir.join(format!("{}{ending}", written.number));
+            let is_new = store::write_new(&path, &bytes).map_err(|error| on_disk(&path, &error))?;
+            // A page may be there of this question, whose writer was killed before its JSON.
+            let same = || store::read_bounded(&path, bytes.len() as u64).is_ok_and(|there| there == bytes);
+            if !is_new && (ending == REQUEST || !same()) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// Says what there is to say of each draft that waits for it.
@@ -250,20 +268,18 @@ pub fn try_draft(question: &Path, draft: &[u8]) -> Result<PathBuf, ModelError> {
     if replied(&dir.join(&asked.reply_file))?.is_some() {
         return Err(refused(format!("{}: it is answered already, in {}", question.display(), asked.reply_file)));
     }
-    let known = drafts(dir, number)?;
-    if let Some(same) = known.iter().find(|of| of.bytes == draft) {
-        return Ok(same.said.clone());
+    // Each draft has a file of its own, whoever else tries one now: the first number that is free.
+    for nth in 1..=TRIES_MAX {
+        let (path, said) = (dir.join(draft_name(number, nth)), dir.join(said_name(number, nth)));
+        // What was said of a draft that is gone is said of no other one.
+        let is_free = !store::is_taken(&path) && !store::is_taken(&said);
+        if is_free && store::write_new(&path, draft).map_err(|error| on_disk(&path, &error))?
+            || replied(&path)?.is_some_and(|there| there == draft)
+        {
+            return Ok(said);
+        }
     }
-    let nth = known.len() as u32 + 1;
-    if nth > TRIES_MAX {
-        return Err(refused(format!(
-            "{}: {TRIES_MAX} drafts were tried, and no more are; answer it",
-            question.display()
-        )));
-    }
-    let path = dir.join(format!("{number}.try-{nth}.txt"));
-    store::write_atomic(&path, draft).map_err(|error| on_disk(&path, &error))?;
-    Ok(dir.join(said_name(number, nth)))
+    Err(refused(format!("{}: {TRIES_MAX} drafts were tried, and no more are; answer it", question.display())))
 }
 
 /// What was said of a draft; nothing while it waits.
@@ -290,7 +306,8 @@ struct Draft {
 fn drafts(dir: &Path, number: u64) -> Result<Vec<Draft>, ModelError> {
     let mut drafts = Vec::new();
     for nth in 1..=TRIES_MAX {
-        let Some(bytes) = replied(&dir.join(format!("{number}.try-{nth}.txt")))? else { break };
+        // One that is still empty is being written, or its writer was killed.
+        let Some(bytes) = replied(&dir.join(draft_name(number, nth)))? else { continue };
         drafts.push(Draft { bytes, said: dir.join(said_name(number, nth)) });
     }
     Ok(drafts)
@@ -300,10 +317,14 @@ fn drafts(dir: &Path, number: u64) -> Result<Vec<Draft>, ModelError> {
 fn tries(dir: &Path, number: u64) -> Result<Vec<TriedDraft>, ModelError> {
     let mut tries = Vec::new();
     for Draft { bytes, said } in drafts(dir, number)? {
-        let Some(said) = said_of(&said)? else { break };
+        let Some(said) = said_of(&said)? else { continue };
         tries.push(TriedDraft { draft: Digest::of_bytes(&bytes), passes: said.passes });
     }
     Ok(tries)
+}
+
+fn draft_name(number: u64, nth: u32) -> String {
+    format!("{number}.try-{nth}.txt")
 }
 
 fn said_name(number: u64, nth: u32) -> String {
@@ -559,5 +580,59 @@ mod tests {
         assert!(refused(&critics).contains("the question is for attack_critic"), "{}", refused(&critics));
         assert!(!page(&written(dir.path()).unwrap()[1]).contains("evodrive ask"));
         assert_eq!(tries(dir.path(), 1).unwrap().len(), TRIES_MAX as usize);
+    }
+
+    #[test]
+    fn drafts_that_are_tried_at_once_have_a_file_and_a_verdict_each() {
+        let dir = tempfile::tempdir().unwrap();
+        let (exchange, _) = answered(dir.path());
+        let question = dir.path().join("1.request.md");
+        for slot in 0..20 {
+            exchange.desk.number(&request(slot)).unwrap();
+            let question = question.with_file_name(format!("{}.request.md", slot + 1));
+            let drafts: Vec<String> =
+                (0..TRIES_MAX).map(|nth| format!("{}{nth}", ["{", "no "][nth as usize % 2])).collect();
+            let at_once = std::sync::Barrier::new(drafts.len());
+            let said: Vec<PathBuf> = std::thread::scope(|scope| {
+                let tried = |draft| {
+                    let (question, at_once) = (&question, &at_once);
+                    scope.spawn(move || {
+                        at_once.wait();
+                        try_draft(question, String::as_bytes(draft)).unwrap()
+                    })
+                };
+                let tried: Vec<_> = drafts.iter().map(tried).collect();
+                tried.into_iter().map(|of| of.join().unwrap()).collect()
+            });
+            exchange.desk.judge(u64::from(slot) + 1, &Braces(AtomicUsize::new(0))).unwrap();
+            for (draft, said) in drafts.iter().zip(&said) {
+                assert_eq!(said_of(said).unwrap().unwrap().passes, draft.starts_with('{'), "{draft}");
+            }
+        }
+    }
+
+    #[test]
+    fn nobody_takes_a_number_a_page_or_a_reply_that_somebody_has() {
+        let dir = tempfile::tempdir().unwrap();
+        let exchange = Exchange::open(dir.path(), "", Arc::new(|| false), Arc::new(|_: &Path| {})).unwrap();
+        // Another recording asks in the same folder, somebody has a page of that name, and a reply lies there from before.
+        let other = Exchange::open(dir.path(), "", Arc::new(|| false), Arc::new(|_: &Path| {})).unwrap();
+        assert_eq!(other.desk.number(&request(1)).unwrap(), 1);
+        for (name, text) in [("2.request.md", "a page"), ("3.reply.txt", "a reply")] {
+            std::fs::write(dir.path().join(name), text).unwrap();
+        }
+        assert_eq!(exchange.desk.number(&request(2)).unwrap(), 4);
+        assert_eq!(written(dir.path()).unwrap().iter().map(|of| of.slot.slot).collect::<Vec<_>>(), [1, 2]);
+        assert_eq!(std::fs::read(dir.path().join("2.request.md")).unwrap(), b"a page");
+        // A page whose writer was killed before its JSON is this question's still.
+        std::fs::remove_file(dir.path().join("4.request.json")).unwrap();
+        assert_eq!(
+            Exchange::open(dir.path(), "", Arc::new(|| false), Arc::new(|_| ()))
+                .unwrap()
+                .desk
+                .number(&request(2))
+                .unwrap(),
+            4
+        );
     }
 }

@@ -47,6 +47,9 @@ pub(super) struct AnswerLine {
     ego: Option<Vec<Numbers>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     road_users: Option<Vec<UserLine>>,
+    /// Of a planner in our own simulator: what it decided.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    controls: Vec<[f64; 2]>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -90,10 +93,24 @@ impl AnswerLine {
     /// What is missing or too much, where the line holds neither a motion nor a failure.
     pub fn into_answer(self) -> Result<Answer, String> {
         match self {
-            AnswerLine { failure: Some(reason), end: None, contact: None, ego: None, road_users: None, .. } => {
-                Ok(Answer::Failed(reason))
-            }
-            AnswerLine { failure: None, end: Some(end), contact, ego: Some(ego), road_users: Some(users), .. } => {
+            AnswerLine {
+                failure: Some(reason),
+                end: None,
+                contact: None,
+                ego: None,
+                road_users: None,
+                controls,
+                ..
+            } if controls.is_empty() => Ok(Answer::Failed(reason)),
+            AnswerLine {
+                failure: None,
+                end: Some(end),
+                contact,
+                ego: Some(ego),
+                road_users: Some(users),
+                controls,
+                ..
+            } => {
                 let ego = ego.into_iter().map(|numbers| numbers.0).collect();
                 let pose = |numbers: Option<Numbers>| numbers.map(|numbers| numbers.0);
                 let actor = |user: UserLine| ReportedActor {
@@ -106,6 +123,7 @@ impl AnswerLine {
                     contact,
                     ego,
                     actors: users.into_iter().map(actor).collect(),
+                    controls,
                 }))
             }
             AnswerLine { failure: Some(_), .. } => Err("a motion beside a failure".into()),
@@ -123,7 +141,8 @@ impl AnswerLine {
     }
 
     pub fn of(request: Digest, answer: &Answer) -> AnswerLine {
-        let nothing = AnswerLine { request, failure: None, end: None, contact: None, ego: None, road_users: None };
+        let (failure, end, contact, ego, road_users, controls) = (None, None, None, None, None, Vec::new());
+        let nothing = AnswerLine { request, failure, end, contact, ego, road_users, controls };
         match answer {
             Answer::Failed(reason) => AnswerLine { failure: Some(reason.clone()), ..nothing },
             Answer::ReportedRollout(rollout) => {
@@ -137,6 +156,7 @@ impl AnswerLine {
                     contact: rollout.contact,
                     ego: Some(rollout.ego.iter().copied().map(Numbers).collect()),
                     road_users: Some(rollout.actors.iter().map(user).collect()),
+                    controls: rollout.controls.clone(),
                     ..nothing
                 }
             }

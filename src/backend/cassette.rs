@@ -1,6 +1,6 @@
 //! A cassette of rollouts: recorded answers of a backend in a text file, JSON lines, optionally compressed (a name that ends
-//! in `.zst`). Line 1 is the header `{"format":"evodrive-rollout-cassette","version":"1.0","name":..,"backend":{..}}`. Every
-//! other line is `{"rollout":"<key>","scene":"<id>","ego":"..","digest":"<BLAKE3 of the answer>","answer":{..}}`, in the
+//! in `.zst`). Line 1 is the header `{"format":"evodrive-rollout-cassette","version":"1.0","name":..,"backend":{..}}` (1.1 where
+//! answers hold a planner's controls). Every other line is `{"rollout":"<key>","scene":"<id>","ego":"..","digest":"<BLAKE3 of the answer>","answer":{..}}`, in the
 //! order of the keys, with the answer as `docs/BACKENDS.md` describes it.
 
 use std::collections::BTreeMap;
@@ -16,7 +16,11 @@ use crate::store::{self, StoreError, TextFault, shortened};
 
 const FORMAT: &str = "evodrive-rollout-cassette";
 const VERSION: &str = "1.0";
+/// The same with what planners decided, which readers of 1.0 refuse line by line.
+const VERSION_WITH_CONTROLS: &str = "1.1";
 const MAJOR: &str = "1";
+/// How the ego is called that repeats its recording.
+const REPLAY: &str = "replay";
 /// Bytes of a cassette before and after decompression.
 const MAX_BYTES: u64 = 1 << 30;
 /// Bytes of the first line, whose values take many times that in memory.
@@ -198,6 +202,11 @@ impl RolloutCassette {
             return Err((format!("an answer to {rollout}"), format!("one to {}", answer.request)));
         }
         let answer = answer.into_answer().map_err(|found| ("a motion or a failure".to_string(), found))?;
+        if let Answer::ReportedRollout(rollout) = &answer
+            && let Some((expected, found)) = rollout.jump(ego == REPLAY)
+        {
+            return Err((format!("{expected} of scene {scene}"), found));
+        }
         match self.rollouts.insert(rollout, Recorded { scene, ego, answer }) {
             None => Ok(()),
             Some(_) => Err(("one answer for a request".into(), format!("a second one for {rollout}"))),
@@ -286,9 +295,11 @@ impl RolloutCassette {
 
     /// The text of the file.
     pub fn to_bytes(&self, name: &str) -> Vec<u8> {
+        let told = |of: &Recorded| matches!(&of.answer, Answer::ReportedRollout(of) if !of.controls.is_empty());
+        let version = if self.rollouts.values().any(told) { VERSION_WITH_CONTROLS } else { VERSION };
         let first = FirstLine {
             format: FORMAT.into(),
-            version: VERSION.into(),
+            version: version.into(),
             name: name.into(),
             backend: self.backend.clone(),
         };

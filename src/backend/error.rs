@@ -66,6 +66,9 @@ pub enum BackendError {
     Store(#[from] StoreError),
     #[error("the key of a rollout request cannot be computed: {0}")]
     Key(#[from] CanonError),
+    /// A recorded rollout that nobody can have driven.
+    #[error("{0}")]
+    Untrue(String),
     /// A scene or a driver that no backend but ours has.
     #[error("{0}")]
     Unplayable(String),

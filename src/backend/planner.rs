@@ -46,6 +46,8 @@ pub(super) struct Planner<'p> {
     broken: Option<Refusal>,
     /// At which decision it abandoned the scene, and the word for why.
     abandoned: Option<(usize, String)>,
+    /// What it decided, within the car's limits: acceleration (m/s²) and steering angle (rad).
+    controls: Vec<[f64; 2]>,
     /// How the rollout ended whose labels it is yet to be told.
     ended: Option<(End, usize)>,
     /// Nobody waits for it any more; of the scene that says nothing.
@@ -54,7 +56,13 @@ pub(super) struct Planner<'p> {
 
 impl<'p> Planner<'p> {
     pub fn new(line: &'p mut dyn Line, limit: Duration, seed: Seed, asked: Asked) -> Planner<'p> {
-        Planner { line, limit, seed, asked, broken: None, abandoned: None, ended: None, stopped: false }
+        let controls = Vec::new();
+        Planner { line, limit, seed, asked, broken: None, abandoned: None, controls, ended: None, stopped: false }
+    }
+
+    /// What it decided so far, one a decision.
+    pub fn controls(&mut self) -> Vec<[f64; 2]> {
+        std::mem::take(&mut self.controls)
     }
 
     /// Whether it drove no further because nobody waits for it any more.
@@ -163,7 +171,14 @@ impl Driver for Planner<'_> {
     fn decide(&mut self, view: &View<'_>) -> Control {
         let k = view.decision();
         match self.ask(view) {
-            Ok(Wish::Drive(control)) => return control,
+            Ok(Wish::Drive(Control::Drive { acceleration_mps2, steering_rad })) => {
+                let limits = view.plant().limits().at_step(k);
+                let acceleration_mps2 = acceleration_mps2.clamp(-limits.brake_mps2, limits.engine_mps2);
+                let steering_rad = steering_rad.clamp(-limits.steering_rad, limits.steering_rad);
+                self.controls.push([acceleration_mps2, steering_rad]);
+                return Control::Drive { acceleration_mps2, steering_rad };
+            }
+            Ok(Wish::Drive(log)) => return log,
             Ok(Wish::Abandon(word)) => self.abandoned = Some((k, word)),
             Err(Refusal { reason, printed, late }) => {
                 let reason = format!("decision {k} ({:.1} s): {reason}", k as f64 * DT_S);

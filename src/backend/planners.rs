@@ -18,7 +18,6 @@ use super::map_near::REACH_M;
 use super::planner::{Planner, Refusal, why};
 use super::request::{Answers, Request};
 use super::rollouts::judged;
-use super::spec::DRIVER;
 use super::workers::{Line, Start, start_of};
 use crate::kernel::Digest;
 use crate::sim::{ReportedRollout, tell};
@@ -163,15 +162,15 @@ impl<'a> Planners<'a> {
         let asked = Asked { map_m: process.map_m, observe, under, labels: process.labels };
         let mut planner = Planner::new(process.line.as_mut(), self.limit(), request.seed, asked);
         let reported = tell(request.plant, request.intervention, &mut planner);
-        let abandoned = planner.abandoned();
+        let (abandoned, controls) = (planner.abandoned(), planner.controls());
         if let (true, Ok(reported)) = (planner.awaits_labels(), &reported) {
-            planner.tell_labels(&judged(DRIVER, request, reported)?.0);
+            planner.tell_labels(&judged(request, reported)?.0);
         }
         let stopped = planner.was_stopped();
         match planner.broken() {
             None => match abandoned {
                 Some(reason) => Ok(Answer::Failed(format!("{ABANDONED}{}`, {reason}", self.command()))),
-                None => Ok(Answer::ReportedRollout(reported?)),
+                None => Ok(Answer::ReportedRollout(ReportedRollout { controls, ..reported? })),
             },
             // A failure of its scene would be recorded.
             Some(Refusal { reason, .. }) if stopped => Err(NoOutcome::Stop(BackendError::Worker(Fault {

@@ -1,7 +1,7 @@
 //! A rollout for a label, from whoever simulates it.
 
 use super::answer::Answer;
-use super::error::{BackendError, Fault, NoOutcome};
+use super::error::{BackendError, NoOutcome};
 use super::lower::{as_driven, lowered, unstaged};
 use super::request::{Answers, Request};
 use super::spec::BackendOptions;
@@ -9,7 +9,8 @@ use super::under::Under;
 use crate::ego::Policy;
 use crate::kernel::Seed;
 use crate::sim::{
-    Intervention, Outcome, Plant, ReportedRollout, Trace, assess, judge, rollout_assessed, rollout_traced,
+    Intervention, Outcome, Plant, ReportedError, ReportedRollout, Trace, assess, judge, retraced, rollout_assessed,
+    rollout_traced,
 };
 
 /// Who simulates the rollouts of a run.
@@ -73,25 +74,29 @@ impl Backend<'_> {
         let request = Request::new(options, plant, &intervention, ego, drawn).map_err(BackendError::Key)?;
         match answers.answer(&request)? {
             Answer::Failed(reason) => Err(NoOutcome::Scene(reason)),
-            Answer::ReportedRollout(rollout) => judged(&options.name, &request, &rollout),
+            Answer::ReportedRollout(rollout) => {
+                if options.drives() {
+                    retraced(plant, &intervention, &rollout).map_err(|error| untrue(&request, &error))?;
+                }
+                judged(&request, &rollout)
+            }
         }
     }
 }
 
 /// What a rollout that somebody reported comes to.
-pub(super) fn judged(
-    name: &str,
-    request: &Request<'_>,
-    rollout: &ReportedRollout,
-) -> Result<(Outcome, Trace), NoOutcome> {
+pub(super) fn judged(request: &Request<'_>, rollout: &ReportedRollout) -> Result<(Outcome, Trace), NoOutcome> {
     let Request { plant, intervention, .. } = *request;
-    judge(plant, &as_driven(plant, intervention, rollout), rollout, request.replays).map_err(|error| {
-        NoOutcome::Stop(BackendError::Worker(Fault {
-            command: name.to_string(),
-            place: format!("recorded answer to request {}", request.key.short(16)),
-            expected: "a motion of the scene".into(),
-            found: error.to_string(),
-            remedy: "record it anew".into(),
-        }))
-    })
+    judge(plant, &as_driven(plant, intervention, rollout), rollout, request.replays)
+        .map_err(|error| untrue(request, &error))
+}
+
+fn untrue(request: &Request<'_>, error: &ReportedError) -> NoOutcome {
+    NoOutcome::Stop(BackendError::Untrue(format!(
+        "recorded rollout of scene {} against the ego {} (request {}): {error}; its file was changed or is of another release: restore it, or \
+         delete it and record anew",
+        request.scene(),
+        request.ego,
+        request.key.short(16)
+    )))
 }

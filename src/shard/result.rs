@@ -12,7 +12,7 @@ use serde_json::value::RawValue;
 use super::error::{ShardError, WORK_AGAIN, place};
 use super::file::{Lines, ProgramLine, Shard, TaskLine, VERSION, Wrong, line};
 use super::mark::StudyMark;
-use crate::backend::{Answer, Recorded, RolloutCassette};
+use crate::backend::RolloutCassette;
 use crate::epoch::{RecordedAnswer, Task, TrialRecord};
 use crate::evaluation::RolloutRecord;
 use crate::kernel::Digest;
@@ -208,15 +208,6 @@ impl ResultFile {
             return Err(damaged(lines.at(), (say(expected), say(counts))));
         }
         lines.end().map_err(|(at, wrong)| damaged(at, wrong))?;
-        let jump = |(_, recorded): (&Digest, &Recorded)| match &recorded.answer {
-            Answer::ReportedRollout(rollout) => {
-                rollout.jump().map(|(expected, counts)| (format!("{expected} of scene {}", recorded.scene), counts))
-            }
-            Answer::Failed(_) => None,
-        };
-        if let Some(wrong) = answers.iter().flat_map(RolloutCassette::rollouts).find_map(jump) {
-            return Err(damaged(0, wrong));
-        }
         match answers.as_ref().and_then(|answers| unanswered(&shard, &results, answers)) {
             Some(scene) => Err(damaged(0, (format!("an answer for scene {scene}"), "none".into()))),
             None => Ok((shard, ResultFile { file, results, answers, asked })),

@@ -22,8 +22,8 @@ pub use road_users::{
 };
 pub use rollouts::{
     ContactBoxes, Episode, Held, Part, Pose, Repeated, ReportedActor, ReportedContact, ReportedError, ReportedRollout,
-    RolloutCost, adversaries_of, commands, contact_within, ending, judge, reported, rollout, rollout_assessed,
-    rollout_counted, rollout_in_parts, rollout_traced, tell,
+    RolloutCost, adversaries_of, commands, contact_within, ending, judge, reported, retraced, rollout,
+    rollout_assessed, rollout_counted, rollout_in_parts, rollout_traced, tell,
 };
 
 /// Part of every rollout key; rises when any outcome can change.

@@ -81,7 +81,9 @@ pub fn result(driver: &str, ends: &[usize]) -> SuiteResult {
         suite: SuiteMark { name: "small".into(), digest: Digest::of_bytes(b"suite") },
         driver: DriverMark { name: driver.into(), digest: Digest::of_bytes(driver.as_bytes()) },
         simulator: sim::SIM_VERSION,
+        selection: Some(Selected::default()),
         recordings: Vec::new(),
+        seal: None,
         cases: ends.iter().enumerate().map(played).collect(),
     }
 }

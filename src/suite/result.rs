@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::fault::FaultKind;
-use super::mark::{DriverMark, SuiteMark};
+use super::mark::{DriverMark, Selected, SuiteMark};
 use crate::kernel::Digest;
 use crate::sim::{ContactClass, End, Outcome};
 
@@ -16,8 +16,14 @@ pub struct SuiteResult {
     pub driver: DriverMark,
     /// Version of the simulator's meaning.
     pub simulator: u32,
+    /// Which cases were asked for; results of format 1 do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub selection: Option<Selected>,
     /// Files with the answers of a planner, beside this one.
     pub recordings: Vec<Recording>,
+    /// Digest of all the rest, as it was written; results of format 1 have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seal: Option<Digest>,
     /// In the order of the suite.
     pub cases: Vec<Played>,
 }
@@ -30,6 +36,9 @@ pub struct Recording {
     pub rules: usize,
     /// Name of the rollout cassette, which lies beside the result.
     pub file: String,
+    /// Digest of its text, unpacked; results of format 1 do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub digest: Option<Digest>,
 }
 
 /// One scene of the suite, and what came of it.

@@ -1,9 +1,14 @@
-//! A result as a file: one JSON object, a scene a line, so that two results can be compared by eye too.
+//! A result as a file: one JSON object, a scene a line, so that two results can be compared by eye too. Its seal is the digest of all the rest
+//! of it: nothing in it was changed since.
 
-use super::result::SuiteResult;
+use super::result::{Drive, SuiteResult};
+use crate::kernel::{Digest, canon::CanonError};
+use crate::sim::End;
 
-/// Name and version of the format; another one is refused.
-pub const RESULT_FORMAT: &str = "evodrive-suite-result/1";
+/// Name and version of the format.
+pub const RESULT_FORMAT: &str = "evodrive-suite-result/2";
+/// The one before: without a seal, a selection and digests of recordings. It is read, and said to be unsealed.
+const UNSEALED_FORMAT: &str = "evodrive-suite-result/1";
 
 /// Why bytes are no result.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -16,38 +21,64 @@ pub enum ResultError {
     Shape { file: String, problem: String },
 }
 
-/// The text of a result.
+/// The text of a result, sealed.
 ///
 /// # Errors
 /// A number in it that JSON cannot hold.
-pub fn result_to_bytes(result: &SuiteResult) -> Result<Vec<u8>, serde_json::Error> {
-    let head = SuiteResult { cases: Vec::new(), ..result.clone() };
-    let head = serde_json::to_string(&head)?;
-    let lines = result.cases.iter().map(serde_json::to_string).collect::<Result<Vec<_>, _>>()?;
+pub fn result_to_bytes(result: &SuiteResult) -> Result<Vec<u8>, CanonError> {
+    let mut sealed = SuiteResult { format: RESULT_FORMAT.into(), ..result.clone() };
+    sealed.seal = Some(seal_of(&sealed)?);
+    let other = |error: serde_json::Error| CanonError::Other(error.to_string());
+    let lines = sealed.cases.iter().map(serde_json::to_string).collect::<Result<Vec<_>, _>>().map_err(other)?;
+    let head = serde_json::to_string(&SuiteResult { cases: Vec::new(), ..sealed }).map_err(other)?;
     // The list of cases is the last field, and empty in the head.
     let head = head.strip_suffix("[]}").unwrap_or(&head);
     Ok(format!("{head}[\n{}\n]}}\n", lines.join(",\n")).into_bytes())
 }
 
-/// A result from its text; `file` is its name in messages.
+fn seal_of(result: &SuiteResult) -> Result<Digest, CanonError> {
+    Digest::of("evodrive/suite-result/2", &SuiteResult { seal: None, ..result.clone() })
+}
+
+/// Whether a result is as it was written; nothing where it has no seal that could say so.
+///
+/// # Errors
+/// A number in it that has no canonical bytes.
+pub fn is_as_sealed(result: &SuiteResult) -> Result<Option<bool>, CanonError> {
+    match result.seal {
+        None => Ok(None),
+        Some(seal) => Ok(Some(seal == seal_of(result)?)),
+    }
+}
+
+/// A result from its text; `file` is its name in messages. Whether its seal holds is [`is_as_sealed`]'s to say.
 ///
 /// # Errors
 /// Bytes that are no result, or one of another format or release.
 pub fn result_from_bytes(file: &str, bytes: &[u8]) -> Result<SuiteResult, ResultError> {
-    let shape = |error: serde_json::Error| ResultError::Shape { file: file.into(), problem: error.to_string() };
+    let wrong = |problem: String| ResultError::Shape { file: file.into(), problem };
+    let shape = |error: serde_json::Error| wrong(error.to_string());
     let value: serde_json::Value = serde_json::from_slice(bytes).map_err(shape)?;
-    if value.get("format").and_then(serde_json::Value::as_str) != Some(RESULT_FORMAT) {
+    let format = value.get("format").and_then(serde_json::Value::as_str);
+    if !format.is_some_and(|format| [RESULT_FORMAT, UNSEALED_FORMAT].contains(&format)) {
         let found =
             value.get("format").map_or("nothing".to_string(), |found| found.to_string().chars().take(80).collect());
         return Err(ResultError::Format { file: file.into(), found });
     }
     let result: SuiteResult = serde_json::from_slice(bytes).map_err(shape)?;
-    let outside = |drive: &super::result::Drive| !(0.0..=1.0).contains(&drive.completion);
-    match result.cases.iter().find(|played| played.drive().is_some_and(outside)) {
-        Some(played) => {
-            let problem = format!("case {:?} has a completion outside 0 to 1", played.case);
-            Err(ResultError::Shape { file: file.into(), problem })
+    let unmarked = result.recordings.iter().any(|recording| recording.digest.is_none());
+    if result.format == RESULT_FORMAT && (result.seal.is_none() || result.selection.is_none() || unmarked) {
+        return Err(wrong(format!("no `seal`, `selection` or `digest` of a recording, which {RESULT_FORMAT:?} has")));
+    }
+    let fault = |drive: &Drive| {
+        if !(0.0..=1.0).contains(&drive.completion) {
+            return Some("a completion outside 0 to 1");
         }
+        ((drive.end == End::Contact) != drive.contact.is_some())
+            .then_some("a contact without that end, or the end without one")
+    };
+    match result.cases.iter().find_map(|played| Some((&played.case, fault(played.drive()?)?))) {
+        Some((case, fault)) => Err(wrong(format!("case {case:?} has {fault}"))),
         None => Ok(result),
     }
 }
@@ -56,24 +87,68 @@ pub fn result_from_bytes(file: &str, bytes: &[u8]) -> Result<SuiteResult, Result
 mod tests {
     use super::*;
     use crate::suite::fixture::result;
+    use crate::suite::{Recording, Selected};
+
+    fn written(result: &SuiteResult) -> SuiteResult {
+        result_from_bytes("r", &result_to_bytes(result).unwrap()).unwrap()
+    }
 
     #[test]
     fn a_result_comes_back_from_its_text_a_case_a_line() {
         let result = result("a", &[1, 0, 2, 3, 4]);
         let bytes = result_to_bytes(&result).unwrap();
-        assert_eq!(result_from_bytes("r", &bytes).unwrap(), result);
+        let back = result_from_bytes("r", &bytes).unwrap();
+        assert_eq!(is_as_sealed(&back), Ok(Some(true)));
+        assert_eq!(SuiteResult { seal: None, ..back }, result);
         assert_eq!(String::from_utf8_lossy(&bytes).lines().count(), 7);
         let none = SuiteResult { cases: Vec::new(), ..result };
-        assert_eq!(result_from_bytes("r", &result_to_bytes(&none).unwrap()).unwrap(), none);
+        assert_eq!(SuiteResult { seal: None, ..written(&none) }, none);
     }
 
     #[test]
-    fn another_format_and_another_shape_are_refused() {
+    fn every_change_of_a_result_breaks_its_seal() {
+        let result = result("a", &[1, 0, 2, 3, 4, 5]);
+        let sealed = written(&result);
+        type Change = fn(&mut SuiteResult);
+        let changes: [Change; 12] = [
+            |of| drop(of.cases.remove(0)),
+            |of| of.cases.push(of.cases[0].clone()),
+            |of| of.cases.swap(0, 1),
+            |of| of.cases[0].case.push('x'),
+            |of| of.cases[0].family.push('x'),
+            |of| of.cases[0].came = of.cases[1].came.clone(),
+            |of| of.driver.name.push('x'),
+            |of| of.driver.digest = Digest::of_bytes(b"other"),
+            |of| of.suite.digest = Digest::of_bytes(b"other"),
+            |of| of.simulator += 1,
+            |of| of.selection = Some(Selected { family: vec!["cat".into()], ..Selected::default() }),
+            |of| of.recordings.push(Recording { rules: 0, file: "r".into(), digest: None }),
+        ];
+        for (k, change) in changes.into_iter().enumerate() {
+            let mut changed = sealed.clone();
+            change(&mut changed);
+            assert_eq!(is_as_sealed(&changed), Ok(Some(false)), "change {k}");
+        }
+    }
+
+    #[test]
+    fn another_format_and_another_shape_are_refused_and_the_format_before_has_no_seal() {
         let text = String::from_utf8(result_to_bytes(&result("a", &[1])).unwrap()).unwrap();
         let read = |text: &str| result_from_bytes("r.json", text.as_bytes()).unwrap_err().to_string();
-        assert!(read(&text.replace("result/1", "result/2")).contains("found \"evodrive-suite-result/2\""));
+        assert!(read(&text.replace("result/2", "result/3")).contains("found \"evodrive-suite-result/3\""));
         assert!(read("{}").contains("found nothing") && read("[1").contains("r.json"));
         assert!(read(&text.replace("\"steps\"", "\"stepz\"")).contains("stepz"));
         assert!(read(&text.replace("\"completion\":0.5", "\"completion\":7.5")).contains("outside 0 to 1"));
+        assert!(
+            read(&text.replace("\"end\":\"contact\"", "\"end\":\"arrived\"")).contains("a contact without that end")
+        );
+        let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let object = value.as_object_mut().unwrap();
+        object.remove("seal");
+        assert!(read(&serde_json::to_string(&object).unwrap()).contains("no `seal`"));
+        object.remove("selection");
+        object.insert("format".into(), "evodrive-suite-result/1".into());
+        let old = result_from_bytes("r.json", serde_json::to_string(&object).unwrap().as_bytes()).unwrap();
+        assert_eq!((is_as_sealed(&old), old.selection), (Ok(None), None));
     }
 }

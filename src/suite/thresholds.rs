@@ -194,10 +194,14 @@ fn new_failures(result: &SuiteResult, baseline: &SuiteResult) -> Result<Judged, 
         .filter(|played| !played.passed() && !known(played))
         .map(|played| played.case.clone())
         .collect();
+    let unknown = match result.cases.len() - shared {
+        0 => String::new(),
+        more => format!(", and {more} that the baseline does not hold"),
+    };
     Ok(Judged {
         rule: "no_new_failures",
         expected: format!("no scene failed that {} passed", baseline.driver.name),
-        found: format!("{} of {shared}", new.len()),
+        found: format!("{} of {shared}{unknown}", new.len()),
         holds: new.is_empty(),
         scenes: new,
     })

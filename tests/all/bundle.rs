@@ -87,6 +87,11 @@ fn verification_leads_with_its_verdict_and_counts_the_answers_that_the_run_asked
     }
     let shown = bundle(&["inspect", path(&file)]);
     assert!(shown.stdout.starts_with("whole: "), "{}", shown.stdout);
+    // What the manifest alone says is not passed off as checked.
+    let said: Vec<&str> = shown.stdout.lines().filter(|line| line.contains("unverified")).collect();
+    assert!(said.len() == 2 && said[0].contains("made by evodrive") && said[1].contains("root"), "{}", shown.stdout);
+    let object: Value = serde_json::from_str(&bundle(&["inspect", path(&file), "--json"]).stdout).unwrap();
+    assert!(object["unverified"].as_array().unwrap().contains(&"root".into()), "{object}");
 }
 
 #[test]

@@ -273,7 +273,8 @@ fn two_versions_of_a_planner_are_told_apart_and_recorded_answers_need_no_python(
     let text = std::fs::read_to_string(&results[1]).unwrap();
     std::fs::write(&results[1], text.replacen("\"completion\":0.", "\"completion\":0.9", 1)).unwrap();
     let changed = alone(&[]);
-    assert!(changed.code == 4 && changed.stderr.contains("recorded answers come to"), "{}", changed.stderr);
+    let both = ["recorded answers come to", "changed after it was written"];
+    assert!(changed.code == 4 && both.iter().all(|said| changed.stderr.contains(said)), "{}", changed.stderr);
 }
 
 #[test]
@@ -532,4 +533,327 @@ fn a_killed_command_goes_on_where_it_was() {
     // All is recorded: nobody is asked again.
     assert_eq!(Ran::of(&mut command()).code, 0);
     assert_eq!(std::fs::read_to_string(at("log")).unwrap().lines().count(), 15 - 3);
+}
+
+/// A planner's result in seven cases of the shared suite, and where it lies.
+struct Planned {
+    folder: tempfile::TempDir,
+    result: evodrive::suite::SuiteResult,
+    answers: evodrive::backend::RolloutCassette,
+}
+
+fn planned(replaced: &[(&str, &str)]) -> Planned {
+    let (folder, path) = planner("planner.py", replaced);
+    let out = folder.path().join("r.json");
+    let word = path.display().to_string();
+    let ran = drive(&["--driver", &word, "--family", "cat", "--family", "plain", "--out", &out.display().to_string()]);
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let result = evodrive::suite::result_from_bytes("r", &std::fs::read(&out).unwrap()).unwrap();
+    let answers = evodrive::backend::RolloutCassette::load(&folder.path().join("r.rollouts.jsonl.zst")).unwrap();
+    Planned { folder, result, answers }
+}
+
+impl Planned {
+    /// Writes a forged result with its answers, sealed like a true one, and gives its place.
+    fn sealed(&self, result: &evodrive::suite::SuiteResult, answers: &evodrive::backend::RolloutCassette) -> String {
+        let mut result = result.clone();
+        let digest = evodrive::kernel::Digest::of_bytes(&answers.to_bytes(&result.suite.name));
+        result.recordings[0].digest = Some(digest);
+        answers.save(&self.folder.path().join("f.rollouts.jsonl.zst"), &result.suite.name).unwrap();
+        let out = self.folder.path().join("f.json");
+        std::fs::write(&out, evodrive::suite::result_to_bytes(&result).unwrap()).unwrap();
+        out.display().to_string()
+    }
+}
+
+/// How `suite run --recorded` and `leaderboard --recorded` end, and what the first says.
+fn replayed(result: &str) -> (i32, i32, String) {
+    let ran = drive(&["--recorded", result, "--max-crash-rate", "1"]);
+    let board = run(&["leaderboard", &shared().path("one.suite"), "--recorded", result]);
+    (ran.code, board.code, format!("{}{}", ran.stdout, ran.stderr))
+}
+
+#[test]
+fn a_forged_result_is_named_whoever_reads_it() {
+    use evodrive::backend::{Answer, RolloutCassette};
+    use evodrive::suite::{Selected, SuiteResult};
+    if !python() {
+        return;
+    }
+    let own = planned(&[]);
+    let suite = shared().path("one.suite");
+    let true_one = own.sealed(&own.result, &own.answers);
+    assert_eq!(replayed(&true_one).0, 0, "{}", replayed(&true_one).2);
+    let text = run(&["suite", "run", &suite, "--recorded", &true_one]).stdout;
+    assert!(
+        text.contains("7 of 15 cases") && text.contains("not asked for: 8 cases of the suite (adv_bmt 4, seal 4)"),
+        "{text}"
+    );
+    let board = run(&["leaderboard", &suite, "--recorded", &true_one]).stdout;
+    assert!(board.contains("7 of 15 cases") && board.contains("planner.py was asked for 7 of 15 cases"), "{board}");
+    let crashed = |result: &SuiteResult| result.cases.iter().position(|played| played.crashed()).unwrap();
+    assert!(own.result.cases.iter().any(|played| played.passed()), "{:?}", own.result);
+    // What a forger writes into the result, with its seal made anew.
+    type Change<'c> = &'c dyn Fn(&mut SuiteResult);
+    let changes: [(&str, Change<'_>, &str); 10] = [
+        ("cut", &|of| of.cases.retain(|played| !played.crashed()), "of 7 cases are missing"),
+        (
+            "cut, and selected so",
+            &|of| {
+                of.cases.retain(|played| !played.crashed());
+                let case = of.cases.iter().map(|played| played.case.clone()).collect();
+                of.selection = Some(Selected { case, ..Selected::default() });
+            },
+            "recorded answers belong to none of its cases",
+        ),
+        ("doubled", &|of| of.cases.push(of.cases[0].clone()), "there more than once"),
+        ("renamed", &|of| of.cases[0].case.push('0'), "none that were asked for"),
+        ("another cluster", &|of| of.cases[0].cluster = "nowhere".into(), "another scene, family, cluster or class"),
+        (
+            "another outcome",
+            &|of| {
+                let k = crashed(of);
+                of.cases[k].came = of.cases.iter().find(|played| played.passed()).unwrap().came.clone();
+            },
+            "recorded answers come to",
+        ),
+        (
+            "left out as unplayable",
+            &|of| {
+                let k = crashed(of);
+                of.cases[k].came = evodrive::suite::Came::Unplayable { reason: "no".into() };
+            },
+            "recorded answers come to",
+        ),
+        ("another driver", &|of| of.driver.digest = evodrive::kernel::Digest::of_bytes(b"x"), "it is of the driver"),
+        ("other order", &|of| of.cases.swap(0, 1), "another order"),
+        ("no recordings", &|of| of.recordings[0].rules = 1, "are gone"),
+    ];
+    for (what, change, said) in changes {
+        let mut forged = own.result.clone();
+        change(&mut forged);
+        let (code, board, found) = replayed(&own.sealed(&forged, &own.answers));
+        let due = if what == "no recordings" { 3 } else { 4 };
+        assert!(code == due && board == due && found.contains(said), "{what}: {code}, {board}: {found}");
+    }
+    let heads: [(&str, fn(&mut SuiteResult)); 2] = [
+        ("simulator", |of| of.simulator += 1),
+        ("suite", |of| of.suite.digest = evodrive::kernel::Digest::of_bytes(b"x")),
+    ];
+    for (what, change) in heads {
+        let mut forged = own.result.clone();
+        change(&mut forged);
+        let (code, board, found) = replayed(&own.sealed(&forged, &own.answers));
+        assert!(code == 2 && board == 2 && found.contains(what), "{what}: {found}");
+    }
+    // Without a new seal everyone refuses it, and the format before has none that could be broken.
+    let path = own.sealed(&own.result, &own.answers);
+    let bytes = std::fs::read_to_string(&path).unwrap();
+    for (old, new) in
+        [("\"name\":\"planner.py\"", "\"name\":\"better.py\""), ("\"completion\":0.", "\"completion\":0.0")]
+    {
+        assert!(bytes.contains(old), "{bytes}");
+        std::fs::write(&path, bytes.replacen(old, new, 1)).unwrap();
+        let (code, board, found) = replayed(&path);
+        assert!(code == 4 && board == 4 && found.contains("changed after it was written"), "{new}: {found}");
+        let compared = run(&["suite", "compare", &path, &path]);
+        assert!(compared.code == 4 && compared.stderr.contains("its seal"), "{}", compared.stderr);
+        let baseline = drive(&["--driver", "standing", "--no-new-failures-against", &path]);
+        assert!(baseline.code == 4 && baseline.stderr.contains("its seal"), "{}", baseline.stderr);
+    }
+    let mut old: Value = serde_json::from_str(&bytes).unwrap();
+    let fields = old.as_object_mut().unwrap();
+    fields.insert("format".into(), "evodrive-suite-result/1".into());
+    for gone in ["seal", "selection"] {
+        fields.remove(gone);
+    }
+    old["recordings"][0].as_object_mut().unwrap().remove("digest");
+    std::fs::write(&path, old.to_string()).unwrap();
+    let (code, _, found) = replayed(&path);
+    assert!(code == 0 && found.contains("format without a seal"), "{found}");
+    old["cases"].as_array_mut().unwrap().remove(0);
+    std::fs::write(&path, old.to_string()).unwrap();
+    let (code, board, found) = replayed(&path);
+    assert!(code == 4 && board == 4 && found.contains("1 of 7 cases are missing"), "{found}");
+    let compared = run(&["suite", "compare", &path, &path, "--suite", &suite]);
+    assert!(compared.code == 4 && compared.stderr.contains("are missing"), "{}", compared.stderr);
+    // Answers of another version of the planner, and fewer than there were.
+    let other = planned(&[("x > 0.0 and", "x > 25.0 and")]);
+    let (code, _, found) = replayed(&own.sealed(&own.result, &other.answers));
+    assert!(code == 4 && found.contains("it is of the driver"), "{found}");
+    let path = own.sealed(&own.result, &own.answers);
+    let mut fewer = RolloutCassette::new("fewer", own.answers.backend.clone());
+    own.answers.rollouts().skip(1).for_each(|(key, recorded)| fewer.insert(*key, recorded.clone()));
+    fewer.save(&own.folder.path().join("f.rollouts.jsonl.zst"), &own.result.suite.name).unwrap();
+    let (code, board, found) = replayed(&path);
+    assert!(code == 4 && board == 4 && found.contains("not those that it was written with"), "{found}");
+    let (code, _, found) = replayed(&own.sealed(&own.result, &fewer));
+    assert_eq!(code, 3, "{found}");
+    // Motions that nobody can have driven, with the digests that they have.
+    type Forge = fn(&mut evodrive::sim::ReportedRollout);
+    let forge: [(&str, Forge, &str); 5] = [
+        (
+            "a jump, told as speed",
+            |of| {
+                of.ego.truncate(2);
+                of.ego[1].sample.velocity = of.ego[1].axis * 60.0;
+                of.ego[1].sample.position = of.ego[0].sample.position + of.ego[0].axis * 6.0;
+                (of.end, of.contact) = (evodrive::sim::End::Arrived, None);
+                of.actors.retain(|actor| actor.from_step < 2);
+                of.actors.iter_mut().for_each(|actor| actor.poses.truncate(2 - actor.from_step));
+            },
+            "ego, row 1: expected",
+        ),
+        ("a metre more", |of| of.ego[9].sample.position.x += 0.1, "ego, row 9: expected"),
+        (
+            "without controls",
+            |of| {
+                of.controls.clear();
+                of.ego[9].sample.position.x += 0.001;
+            },
+            "a car within its limits leads",
+        ),
+        (
+            "no contact",
+            |of| {
+                (of.end, of.contact) = (evodrive::sim::End::OffRoad, None);
+            },
+            "its end",
+        ),
+        ("other controls", |of| of.controls.iter_mut().for_each(|of| of[0] += 0.5), "its recorded controls lead"),
+    ];
+    let struck = own.answers.rollouts().find(|(_, recorded)| {
+        matches!(&recorded.answer, Answer::ReportedRollout(of) if of.contact.is_some() && of.ego.len() > 12)
+    });
+    let (key, recorded) = struck.expect("a drive with a contact");
+    for (what, change, said) in forge {
+        let mut answers = own.answers.clone();
+        let mut recorded = recorded.clone();
+        if let Answer::ReportedRollout(of) = &mut recorded.answer {
+            change(of);
+        }
+        answers.insert(*key, recorded);
+        let (code, board, found) = replayed(&own.sealed(&own.result, &answers));
+        assert!(code == 4 && board == 4 && found.contains(said), "{what}: {code}: {found}");
+    }
+}
+
+/// Kills a command at a moment that a stream draws, until it has ended once by itself; then says how often that was.
+fn killed(
+    command: &dyn Fn() -> Command,
+    longest: std::time::Duration,
+    stream: &mut evodrive::kernel::Stream,
+    most: usize,
+) -> usize {
+    let quiet = std::process::Stdio::null;
+    for kills in 0..most {
+        let mut child = command().stdout(quiet()).stderr(quiet()).spawn().unwrap();
+        std::thread::sleep(longest.mul_f64(stream.uniform(0.0, 1.0)));
+        if let Some(status) = child.try_wait().unwrap() {
+            assert!(status.success(), "after {kills} kills: {status}");
+            return kills;
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    assert_eq!(Ran::of(&mut command()).code, 0);
+    most
+}
+
+/// Files below a folder, with their bytes.
+fn files_of(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut files = Vec::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(next) = folders.pop() {
+        for entry in std::fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path)
+            } else {
+                files.push((path.strip_prefix(folder).unwrap().into(), std::fs::read(&path).unwrap()))
+            }
+        }
+    }
+    files.sort();
+    files
+}
+
+/// Whenever they are killed, these commands come to the same files when they are repeated. EVODRIVE_SUITE_KILLS=100 kills each that often.
+#[test]
+fn killed_freezes_runs_and_leaderboards_come_to_the_same_files() {
+    if !python() {
+        return;
+    }
+    #[allow(clippy::disallowed_methods)]
+    let wanted = std::env::var("EVODRIVE_SUITE_KILLS").ok().and_then(|text| text.parse().ok()).unwrap_or(2_usize);
+    let (folder, planner) = planner("planner.py", &[]);
+    let (shared, suite) = (shared(), shared().path("one.suite"));
+    let (pool, planner) = (shared.path("few.pool"), planner.display().to_string());
+    let arguments = |name: &str, out: &Path| -> Vec<String> {
+        let out = |file: &str| out.join(file).display().to_string();
+        let words = match name {
+            "freeze" => {
+                let fixed = ["suite", "freeze", "--scenes", &pool, "--per-family", "4", "--overwrite", "--out"];
+                [&fixed[..], &[&out("k.suite")], &PARENTS].concat().into_iter().map(String::from).collect()
+            }
+            "run" => ["suite", "run", &suite, "--driver", &planner, "--overwrite", "--out", &out("r.json")]
+                .map(String::from)
+                .to_vec(),
+            _ => [
+                "leaderboard",
+                &suite,
+                "--driver",
+                &planner,
+                "--overwrite",
+                "--kept",
+                &out("kept"),
+                "--format",
+                "csv",
+                "--out",
+                &out("b.csv"),
+            ]
+            .map(String::from)
+            .to_vec(),
+        };
+        words
+    };
+    let mut stream = evodrive::kernel::Seed(61).stream(&["kills"]);
+    for name in ["freeze", "run", "leaderboard"] {
+        let [whole, often] = ["whole", "often"].map(|of| folder.path().join(format!("{name}-{of}")));
+        let command = |out: &Path| {
+            let mut command = evodrive();
+            command.args(arguments(name, out));
+            command
+        };
+        std::fs::create_dir(&whole).unwrap();
+        let began = std::time::Instant::now();
+        let ran = Ran::of(&mut command(&whole));
+        let longest = began.elapsed();
+        assert_eq!(ran.code, 0, "{name}: {}", ran.stderr);
+        let (mut kills, mut rounds) = (0, 0);
+        while kills < wanted && rounds < 20 * wanted {
+            let _ = std::fs::remove_dir_all(&often);
+            std::fs::create_dir(&often).unwrap();
+            kills += killed(&|| command(&often), longest, &mut stream, wanted - kills);
+            assert_eq!(files_of(&often), files_of(&whole), "{name} after {kills} kills");
+            rounds += 1;
+        }
+        assert!(kills >= wanted, "{name}: {kills} of {wanted} kills met it");
+    }
+}
+
+/// The recorded case of a planner that jumps to the end of its route, and the drive that it was made of. Both are of the format before.
+#[test]
+fn a_reported_forgery_is_refused_and_its_original_is_not() {
+    let Some(folder) = crate::harness::shared("cases/reliability_4/10-forged-motion") else { return };
+    let suite = home().join("golden/suite/starter.suite").display().to_string();
+    let replayed = |name: &str| {
+        let result = folder.join(name).display().to_string();
+        run(&["suite", "run", &suite, "--recorded", &result, "--min-arrived", "0.1"])
+    };
+    let forged = replayed("forged.json");
+    assert!(forged.code != 0 && forged.stderr.contains("ego"), "{}", forged.stderr);
+    let honest = replayed("new.json");
+    assert_eq!(honest.code, 0, "{}", honest.stderr);
+    assert!(honest.stdout.contains("50 of 200 cases"), "{}", honest.stdout);
 }

@@ -150,7 +150,7 @@ fn create(options: &CreateOptions) -> Result<Answer, Failure> {
     let published = [options.date.as_str(), options.license.as_str()];
     let parts = parts(&folder, (!options.without_rollouts).then_some(&objects));
     let manifest = bundle::create(&options.out, about, parts, published, signer.as_ref())?;
-    Ok(made(&options.out, &manifest, signer.is_some()))
+    Ok(made(&options.out, &manifest, signer.is_some(), false))
 }
 
 /// The files of a run that go into its bundle.
@@ -178,23 +178,35 @@ fn inspect(options: &ReadOptions) -> Result<Answer, Failure> {
     let opened = bundle::open(&options.bundle, options.bytes_max, None)?;
     let (manifest, signed) = (&opened.manifest, opened.signature.is_some());
     let whole = format!("whole: {}: every byte is as its manifest says\n", options.bundle.display());
-    let answer = made(&options.bundle, manifest, signed);
+    let answer = made(&options.bundle, manifest, signed, true);
     Ok(Answer { text: whole + &answer.text, ..answer })
 }
 
-fn made(path: &Path, manifest: &Manifest, signed: bool) -> Answer {
+/// What inspection takes from the manifest alone: whoever wrote it says so.
+const UNVERIFIED: [&str; 5] = ["name", "root", "experiment", "pool", "versions"];
+
+/// What a bundle holds; `alone` where nobody but its manifest speaks for the run that it is of.
+fn made(path: &Path, manifest: &Manifest, signed: bool, alone: bool) -> Answer {
     let Version { evodrive, adapter, sim, eval } = &manifest.versions;
     let signature = if signed { "present; `evodrive bundle verify --key` checks it" } else { "none" };
+    let unverified = if alone { " (unverified: its manifest says so)" } else { "" };
     let mut text = format!(
-        "{}: run of {}, made by evodrive {evodrive} (adapter {adapter}, simulator {sim}, evaluation {eval})\n",
+        "{}: run of {}, made by evodrive {evodrive} (adapter {adapter}, simulator {sim}, evaluation {eval}){unverified}\n",
         path.display(),
         manifest.name
     );
     for file in &manifest.files {
         let _ = writeln!(text, "{:>12} bytes  {}  {}", file.bytes, file.digest.short(16), file.path);
     }
+    if alone {
+        text.push_str("unverified: the root below, too; `evodrive bundle verify` repeats the run and derives it\n");
+    }
     let _ = write!(text, "signature: {signature}\nroot: {}", manifest.root);
-    Answer::new(text, json!({"bundle": path, "manifest": manifest, "signed": signed}))
+    let mut object = json!({"bundle": path, "manifest": manifest, "signed": signed});
+    if alone {
+        object["unverified"] = json!(UNVERIFIED);
+    }
+    Answer::new(text, object)
 }
 
 fn import(options: &ImportOptions) -> Result<Answer, Failure> {

@@ -13,7 +13,7 @@ use crate::cli::studies::suite_file;
 use crate::cli::studies::suite_page;
 use crate::cli::studies::suite_run::{Selection, again, fresh, write};
 use crate::cli::studies::suite_stage::Stage;
-use crate::cli::studies::suite_text::{mean, share};
+use crate::cli::studies::suite_text::{self, mean, share};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::Failure;
 use crate::cli::terminal::interrupt::Interrupt;
@@ -97,16 +97,22 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         // Two versions of a planner bear one name.
         let file = |folder: &PathBuf| folder.join(format!("{name}-{}.json", mark.digest.short(8)));
         let out = options.kept.as_ref().map(file);
-        let mut one = fresh(&frozen, &stage, (&cases, driver, out.as_deref()), &running)?;
+        let mut one = fresh(&frozen, &stage, (&options.selection, driver, out.as_deref()), &running)?;
         if let Some(out) = &out {
             write(&mut one, out, options.output)?;
         }
         made.push(one.result);
     }
     for path in &options.recorded {
-        made.push(again(&frozen, &stage, &cases, path, &running)?.result);
+        made.push(again(&frozen, &stage, &options.selection, path, &running)?.result);
     }
-    let left_out = keep_common(&mut made);
+    let fewer = |result: &&SuiteResult| result.cases.len() < cases.len();
+    let say = |result: &SuiteResult| {
+        format!("{} was asked for {}. ", result.driver.name, suite_text::of_all(result.cases.len(), &frozen.suite))
+    };
+    let asked: String = made.iter().filter(fewer).map(say).collect();
+    let asked_by_all = made.iter().map(|result| result.cases.len()).min().unwrap_or(0);
+    let left_out = (cases.len() - keep_common(&mut made), asked_by_all, asked);
     if made.first().is_none_or(|result| result.cases.is_empty()) {
         let what = "no scene can be played by all of these drivers; set fewer beside each other";
         return Err(Failure::bad_input(format!("{}: {what}", options.suite.display())));
@@ -120,16 +126,15 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
 }
 
 /// Leaves in all results the scenes that each of these drivers can play and was asked for, so that rows stand on the same ones; says
-/// how many are left out.
+/// how many these are.
 fn keep_common(results: &mut [SuiteResult]) -> usize {
     let playable = |result: &SuiteResult| -> BTreeSet<String> {
         let own = result.cases.iter().filter(|played| !matches!(played.came, Came::Unplayable { .. }));
         own.map(|played| played.case.clone()).collect()
     };
-    let most = results.iter().map(|result| result.cases.len()).max().unwrap_or(0);
     let common = results.iter().map(playable).reduce(|all, own| &all & &own).unwrap_or_default();
     results.iter_mut().for_each(|result| result.cases.retain(|played| common.contains(&played.case)));
-    most - common.len()
+    common.len()
 }
 
 /// What drivers are ordered by.
@@ -182,7 +187,13 @@ fn by_family(entries: &[Entry]) -> (Vec<String>, Vec<Vec<String>>) {
     (heads.collect(), rows.collect())
 }
 
-fn answer(options: &Options, frozen: &Frozen, entries: &[Entry], left_out: usize) -> Result<Answer, Failure> {
+/// `left_out`: how many scenes no row stands on, how many all drivers were asked for, and who was asked for fewer.
+fn answer(
+    options: &Options,
+    frozen: &Frozen,
+    entries: &[Entry],
+    (left_out, asked_by_all, asked): (usize, usize, String),
+) -> Result<Answer, Failure> {
     let heads = HEADS.map(String::from).to_vec();
     let around = frozen.suite.planned_around.digest;
     let rows: Vec<Vec<String>> = entries.iter().map(|entry| row(entry, around)).collect();
@@ -192,13 +203,14 @@ fn answer(options: &Options, frozen: &Frozen, entries: &[Entry], left_out: usize
             String::new()
         } else {
             format!(
-                "{} that not every driver here can play are left out, so that all rows stand on the same. ",
-                counted(left_out, "scene")
+                "{asked}{} that not every driver here {}can play are left out, so that all rows stand on the same. ",
+                counted(left_out, "scene"),
+                if asked.is_empty() { "" } else { "was asked for or " }
             )
         }
     );
     let (family_heads, family_rows) = by_family(entries);
-    let title = format!("Suite {}, {}", frozen.suite.name, counted(frozen.suite.cases.len(), "case"));
+    let title = format!("Suite {}, {}", frozen.suite.name, suite_text::of_all(asked_by_all, &frozen.suite));
     let digest = frozen.digest;
     let text = match options.format {
         None => {
@@ -218,7 +230,11 @@ fn answer(options: &Options, frozen: &Frozen, entries: &[Entry], left_out: usize
     };
     let object: Vec<_> =
         entries.iter().map(|entry| json!({"driver": entry.result.driver, "totals": entry.totals})).collect();
-    let object = json!({"suite": entries.first().map(|entry| &entry.result.suite), "drivers": object});
+    let cases = entries.first().map_or(0, |entry| entry.result.cases.len());
+    let object = json!({
+        "suite": entries.first().map(|entry| &entry.result.suite), "cases": cases, "cases_of_suite": frozen.suite.cases.len(),
+        "drivers": object,
+    });
     match &options.out {
         None => Ok(Answer::exact(text, object)),
         Some(out) => {

@@ -27,7 +27,7 @@ pub struct Options {
     pub first: PathBuf,
     /// Another one in the same suite.
     pub second: PathBuf,
-    /// The suite file, for the commands that play a case; without it they say SUITE.
+    /// The suite file: both results are held to its cases, and the commands that play a case name it.
     #[arg(long)]
     pub suite: Option<PathBuf>,
 }
@@ -53,6 +53,13 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
             options.second.display(),
             second.simulator
         )));
+    }
+    // Where the suite is at hand, it says what each result is to hold.
+    if let Some(suite) = &options.suite {
+        let frozen = suite_file::read(suite)?;
+        for (path, result) in [(&options.first, &first), (&options.second, &second)] {
+            suite_file::is_whole(path, result, &frozen)?;
+        }
     }
     let compared = compared(&first, &second);
     if compared.rows.first().is_none_or(|all| all.scenes == 0) {

@@ -1,7 +1,7 @@
 //! A driver through the scenes of a suite, side by side. A planner's answers are recorded; one that gives no drive costs its own
 //! scene alone.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -142,7 +142,9 @@ pub fn drive_planner(
                 let kind = match culprit {
                     // Nobody drives with a planner that does not begin.
                     None => FaultKind::NotStarted,
-                    Some(key) if is_asked(stage, case, (&backends[case.rules], &ego), key) => FaultKind::Inconsistent,
+                    Some(key) if key_of(stage, case, (&backends[case.rules], &ego)) == Some(key) => {
+                        FaultKind::Inconsistent
+                    }
                     Some(_) => continue,
                 };
                 let found = format!("planner, {}: expected {}, found {}", fault.place, fault.expected, fault.found);
@@ -166,11 +168,10 @@ pub fn drive_planner(
 pub fn drive_recorded(
     stage: &Stage<'_>,
     cases: &[&Case],
-    (planner, answers): Answered,
+    recorded: &Recorded,
     known: &dyn Fn(&Case) -> Option<Came>,
     running: &Running<'_>,
-) -> Result<Driven, Failure> {
-    let recorded = Recorded::new(stage, planner, answers.clone())?;
+) -> Result<Vec<Played>, Failure> {
     let wheel = recorded.wheel();
     let line = CountingLine::new("scene", cases.len());
     let outcomes = running.threads.map(cases, |_, case| {
@@ -190,7 +191,7 @@ pub fn drive_recorded(
         };
         played.push(of_case(case, came));
     }
-    Ok(Driven { cases: played, answers, compared: Vec::new() })
+    Ok(played)
 }
 
 /// Recorded answers of a planner, ready to drive.
@@ -229,6 +230,19 @@ impl Recorded {
             replays.push(Replay::new(answers, "evodrive suite run SUITE --driver PLANNER --out FILE"));
         }
         Ok(Recorded { ego: Policy::Command(planner), backends, replays })
+    }
+
+    /// The scenes of recorded answers that none of these cases asks for.
+    pub fn unused<'b>(
+        &self,
+        stage: &Stage<'_>,
+        cases: &[&Case],
+        answers: &'b BTreeMap<usize, RolloutCassette>,
+    ) -> Vec<&'b str> {
+        let key = |case: &&Case| key_of(stage, case, (self.backends.get(case.rules)?, &self.ego));
+        let asked: BTreeSet<Digest> = cases.iter().filter_map(key).collect();
+        let all = answers.values().flat_map(RolloutCassette::rollouts);
+        all.filter(|(key, _)| !asked.contains(key)).map(|(_, recorded)| recorded.scene.as_str()).collect()
     }
 
     pub fn wheel(&self) -> Wheel<'_> {
@@ -283,10 +297,10 @@ fn came(outcome: Drove) -> Result<Came, Failure> {
     }
 }
 
-/// Whether a case asks the request of this key.
-fn is_asked(stage: &Stage<'_>, case: &Case, (options, ego): (&BackendOptions, &Policy), key: Digest) -> bool {
-    let Ok(plant) = stage.plant(case) else { return false };
-    Request::new(options, &plant, &case.intervention, ego, stage.drawn(case)).is_ok_and(|request| request.key == key)
+/// The key of the request that a case asks.
+fn key_of(stage: &Stage<'_>, case: &Case, (options, ego): (&BackendOptions, &Policy)) -> Option<Digest> {
+    let plant = stage.plant(case).ok()?;
+    Request::new(options, &plant, &case.intervention, ego, stage.drawn(case)).ok().map(|request| request.key)
 }
 
 /// What a report has room for.

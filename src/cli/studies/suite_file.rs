@@ -2,12 +2,18 @@
 
 use std::path::Path;
 
+use crate::backend::RolloutCassette;
+use crate::cli::studies::suite_drive::answers_beside;
+use crate::cli::terminal::answer::progress;
 use crate::cli::terminal::exit::Failure;
 use crate::cli::terminal::output::Output;
 use crate::kernel::Digest;
 use crate::sim::SIM_VERSION;
 use crate::store;
-use crate::suite::{Frozen, Suite, SuiteError, SuiteResult, decode, encode, result_from_bytes, result_to_bytes};
+use crate::suite::{
+    Frozen, Suite, SuiteError, SuiteResult, asked, decode, disagreements, encode, is_as_sealed, result_from_bytes,
+    result_to_bytes,
+};
 
 /// Bytes that a suite may have, unpacked.
 const SUITE_BYTES_MAX: u64 = 1 << 30;
@@ -60,10 +66,89 @@ pub fn write(suite: &Suite, path: &Path, output: Output) -> Result<Digest, Failu
     Ok(digest)
 }
 
-/// A result of `suite run`.
-pub fn read_result(path: &Path) -> Result<SuiteResult, Failure> {
+/// A result of `suite run`, whether or not it is as it was written.
+pub fn parse_result(path: &Path) -> Result<SuiteResult, Failure> {
     let bytes = store::read_bounded(path, RESULT_BYTES_MAX)?;
     result_from_bytes(&path.display().to_string(), &bytes).map_err(Failure::bad_input)
+}
+
+/// What says that a result was changed, if something does. Of a format without a seal it is told that nobody can say.
+pub fn broken_seal(path: &Path, result: &SuiteResult) -> Result<Option<&'static str>, Failure> {
+    match is_as_sealed(result).map_err(Failure::bad_input)? {
+        Some(true) => Ok(None),
+        Some(false) => Ok(Some("its seal is not that of what it holds: it was changed after it was written")),
+        None => {
+            progress(format!(
+                "{}: of a format without a seal: nobody can say whether it was changed; `evodrive suite run SUITE --recorded` derives a \
+                 planner's result from its answers, and seals it with --out",
+                path.display()
+            ));
+            Ok(None)
+        }
+    }
+}
+
+/// A result that is as it was written, with the recorded answers that it was written with where they lie beside it.
+pub fn read_result(path: &Path) -> Result<SuiteResult, Failure> {
+    let result = parse_result(path)?;
+    if let Some(broken) = broken_seal(path, &result)? {
+        return Err(changed(path, broken));
+    }
+    for recording in &result.recordings {
+        let beside = answers_beside(path, recording.rules);
+        let Some(digest) = recording.digest else { continue };
+        if !beside.is_file() {
+            progress(format!("{}: not there, so recorded answers were not looked at", beside.display()));
+        } else if answers_digest(&RolloutCassette::load(&beside)?, &result) != digest {
+            return Err(changed(path, OTHER_ANSWERS));
+        }
+    }
+    Ok(result)
+}
+
+/// Said of answers that are not those of their result.
+pub const OTHER_ANSWERS: &str = "the recorded answers beside it are not those that it was written with";
+
+/// A result that does not hold.
+pub fn changed(path: &Path, what: impl std::fmt::Display) -> Failure {
+    Failure::divergence(format!(
+        "{}: {what}; restore the result and its recorded answers, or make it anew with `evodrive suite run`",
+        path.display()
+    ))
+}
+
+/// The digest of a planner's answers as a result knows them: of their text in this suite.
+pub fn answers_digest(answers: &RolloutCassette, result: &SuiteResult) -> Digest {
+    Digest::of_bytes(&answers.to_bytes(&result.suite.name))
+}
+
+/// Refuses a result of another suite or simulator.
+pub fn of_suite(path: &Path, result: &SuiteResult, frozen: &Frozen) -> Result<(), Failure> {
+    let place = path.display();
+    if result.suite.digest != frozen.digest {
+        return Err(Failure::bad_input(format!(
+            "{place} is a result in another suite, {} ({}), not in this one ({}); name that suite",
+            result.suite.name,
+            result.suite.digest.short(12),
+            frozen.digest.short(12)
+        )));
+    }
+    if result.simulator != frozen.suite.simulator {
+        return Err(Failure::bad_input(format!(
+            "{place} was made by simulator version {}, the suite is of {}; make it anew with this release",
+            result.simulator, frozen.suite.simulator
+        )));
+    }
+    Ok(())
+}
+
+/// Refuses a result that does not hold every case of its suite that it was asked for, as the suite has it.
+pub fn is_whole(path: &Path, result: &SuiteResult, frozen: &Frozen) -> Result<(), Failure> {
+    of_suite(path, result, frozen)?;
+    match disagreements(result, &frozen.suite, &asked(result, &frozen.suite)) {
+        wrong if wrong.is_empty() => Ok(()),
+        wrong => Err(changed(path, wrong.join("; "))),
+    }
 }
 
 /// Writes a result.

@@ -41,17 +41,17 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let frozen = suite_file::read_to_drive(&options.suite)?;
     let selection =
         crate::cli::studies::suite_run::Selection { case: vec![options.case.clone()], ..Default::default() };
-    let cases = selection.of(&frozen.suite)?;
+    let case = selection.of(&frozen.suite)?.into_iter().next();
     let (threads, interrupt) = (files::threads(jobs)?, Interrupt::listen()?);
     let stage = Stage::new(&frozen.suite, &threads);
-    let Some(case) = cases.first() else { return Err(Failure::internal("a case that was named is gone")) };
+    let Some(case) = case else { return Err(Failure::internal("a case that was named is gone")) };
     let mut drawings: Vec<(String, Drawing)> = Vec::new();
     for word in &options.driver {
         let driver = TestDriver::named(word)?;
         let name = driver.mark().name;
         if let TestDriver::Planner(_) = &driver {
             let running = Running { threads: &threads, interrupt: &interrupt };
-            let made = fresh(&frozen, &stage, (&cases, &driver, None), &running)?;
+            let made = fresh(&frozen, &stage, (&selection, &driver, None), &running)?;
             let TestDriver::Recorded(_, planner) = made.driver else {
                 return Err(Failure::internal("a planner was driven and not recorded"));
             };
@@ -67,6 +67,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     }
     for path in &options.recorded {
         let result = suite_file::read_result(path)?;
+        suite_file::of_suite(path, &result, &frozen)?;
         let Some((planner, answers)) = planner_of(path, &frozen.suite)? else {
             let what = "no recorded answers beside it; a driver that needs none is named with --driver";
             return Err(Failure::miss(format!("{}: {what}", path.display())));

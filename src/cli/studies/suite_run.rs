@@ -22,14 +22,15 @@ use crate::cli::terminal::interrupt::Interrupt;
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::shell::quoted;
 use crate::cli::terminal::width::table_width;
-use crate::kernel::Threads;
+use crate::ego::Policy;
+use crate::kernel::{Digest, Threads};
 use crate::sim::SIM_VERSION;
 use crate::store::{OwnDir, Scratch, StoreError};
 use crate::suite::{
-    Case, Frozen, Judged, Played, RESULT_FORMAT, Recording, Suite, SuiteMark, SuiteResult, Thresholds, Total, judged,
-    junit, totals,
+    Case, Frozen, Judged, Played, RESULT_FORMAT, Recording, Selected, Suite, SuiteMark, SuiteResult, Thresholds, Total,
+    asked, disagreements, judged, junit, keeps, named, selection_of, totals,
 };
-use crate::text::{counted, nearest};
+use crate::text::nearest;
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -86,6 +87,12 @@ pub struct Selection {
 }
 
 impl Selection {
+    /// As a result says it.
+    pub fn marks(&self) -> Selected {
+        let Selection { family, cluster, class, case } = self.clone();
+        Selected { family, cluster, class, case }
+    }
+
     /// The cases that are meant.
     pub fn of<'s>(&self, suite: &'s Suite) -> Result<Vec<&'s Case>, Failure> {
         type Names = fn(&Case) -> &str;
@@ -107,10 +114,8 @@ impl Selection {
                 )));
             }
         }
-        let keeps = |case: &&Case| {
-            options.iter().all(|(_, words, name)| words.is_empty() || words.iter().any(|word| word == name(case)))
-        };
-        let cases: Vec<&Case> = suite.cases.iter().filter(keeps).collect();
+        let marks = self.marks();
+        let cases: Vec<&Case> = suite.cases.iter().filter(|case| keeps(&marks, case)).collect();
         match cases.is_empty() {
             false => Ok(cases),
             true => Err(Failure::bad_input(
@@ -123,8 +128,12 @@ impl Selection {
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let asked = options.limits.thresholds()?;
     let frozen = suite_file::read_to_drive(&options.suite)?;
-    let cases = options.selection.of(&frozen.suite)?;
+    let selection = &options.selection;
+    selection.of(&frozen.suite)?;
     let baseline = options.no_new_failures_against.as_deref().map(suite_file::read_result).transpose()?;
+    if let (Some(path), Some(baseline)) = (&options.no_new_failures_against, &baseline) {
+        suite_file::is_whole(path, baseline, &frozen)?;
+    }
     let thresholds = asked.or(&frozen.suite.thresholds);
     for path in [&options.csv, &options.junit, &options.html].into_iter().flatten() {
         // The same run may write the same files again.
@@ -136,13 +145,13 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let running = Running { threads: &threads, interrupt: &interrupt };
     let stage = Stage::new(&frozen.suite, &threads);
     let result = match (&options.recorded, &options.driver) {
-        (Some(path), _) => again(&frozen, &stage, &cases, path, &running)?,
+        (Some(path), _) => again(&frozen, &stage, selection, path, &running)?,
         (None, Some(word)) => {
             let driver = TestDriver::named(word)?.within(options.time_limit)?;
             if let Some(out) = &options.out {
                 free_for(out, &frozen, &driver, options.output)?;
             }
-            fresh(&frozen, &stage, (&cases, &driver, options.out.as_deref()), &running)?
+            fresh(&frozen, &stage, (selection, &driver, options.out.as_deref()), &running)?
         }
         (None, None) => return Err(Failure::bad_input("name a driver with --driver, or a result with --recorded")),
     };
@@ -172,12 +181,13 @@ pub struct Made {
 pub fn fresh(
     frozen: &Frozen,
     stage: &Stage<'_>,
-    (cases, driver, out): (&[&Case], &TestDriver, Option<&Path>),
+    (selection, driver, out): (&Selection, &TestDriver, Option<&Path>),
     running: &Running<'_>,
 ) -> Result<Made, Failure> {
+    let cases = &selection.of(&frozen.suite)?;
     let TestDriver::Planner(planner) = driver else {
         let driven = drive_own(stage, cases, driver, running)?;
-        return Ok(made(frozen, driver.clone(), driven, None));
+        return Ok(made(frozen, driver.clone(), driven, (None, selection.marks())));
     };
     let digest = planner.digest.ok_or_else(|| Failure::internal("a planner whose digest cannot be computed"))?;
     let (driven, recording) = match out {
@@ -196,7 +206,7 @@ pub fn fresh(
         }
     };
     driven.compared.iter().for_each(progress);
-    Ok(made(frozen, TestDriver::Recorded(driver.mark(), digest), driven, recording))
+    Ok(made(frozen, TestDriver::Recorded(driver.mark(), digest), driven, (recording, selection.marks())))
 }
 
 /// Refuses files of answers beside a result that are not this planner's, nor those of the result that is there: their names were
@@ -225,53 +235,105 @@ fn temporary() -> PathBuf {
     std::env::temp_dir()
 }
 
-/// Drives again from the answers beside a result, and compares.
+/// Drives again from the answers beside a result, and holds the result to its seal, its suite and its answers.
 pub fn again(
     frozen: &Frozen,
     stage: &Stage<'_>,
-    cases: &[&Case],
+    selection: &Selection,
     path: &Path,
     running: &Running<'_>,
 ) -> Result<Made, Failure> {
-    let before = suite_file::read_result(path)?;
-    let place = path.display();
-    if before.suite.digest != frozen.digest {
-        return Err(Failure::bad_input(format!(
-            "{place} is a result in suite {} ({}), not in this one ({}); name that suite",
-            before.suite.name,
-            before.suite.digest.short(12),
-            frozen.digest.short(12)
-        )));
+    let before = suite_file::parse_result(path)?;
+    suite_file::of_suite(path, &before, frozen)?;
+    let due = asked(&before, &frozen.suite);
+    // A result of a selection says nothing of the other cases: who asks for those by name is told so.
+    let wanted = if selection.marks().is_all() { due.clone() } else { selection.of(&frozen.suite)? };
+    let (cases, absent): (Vec<&Case>, Vec<&Case>) =
+        wanted.iter().copied().partition(|case| before.case(&case.id).is_some());
+    if cases.is_empty() {
+        let place = path.display();
+        return Err(Failure::bad_input(format!("{place} holds none of the selected cases; select others")));
     }
-    let answers = answers_of(path, stage.suite)?;
-    let Some(planner) = answers.values().next().map(RolloutCassette::recorded_of) else {
+    let seal = suite_file::broken_seal(path, &before)?;
+    let held = |wrong: Vec<String>| match wrong.is_empty() {
+        true => Ok(()),
+        false => {
+            Err(suite_file::changed(path, [wrong, seal.map(String::from).into_iter().collect()].concat().join("; ")))
+        }
+    };
+    let mut wrong = disagreements(&before, &frozen.suite, &due);
+    if wrong.is_empty() && !absent.is_empty() {
+        let ids: Vec<&str> = absent.iter().map(|case| case.id.as_str()).collect();
+        wrong.push(format!("{} of {} selected cases are not in it: {}", ids.len(), wanted.len(), named(&ids)));
+    }
+    held(wrong)?;
+    let (planner, answers) = answers_behind(path, &before, stage.suite)?;
+    let recorded = Recorded::new(stage, planner, answers.clone())?;
+    let unused = recorded.unused(stage, &due, &answers);
+    let mut wrong = unlike(path, &before, (planner, &answers));
+    if !unused.is_empty() {
+        wrong.push(format!("{} recorded answers belong to none of its cases, of {}", unused.len(), named(&unused)));
+    }
+    held(wrong)?;
+    let known = |case: &Case| before.case(&case.id).map(|played| played.came.clone());
+    let driven = drive_recorded(stage, &cases, &recorded, &known, running)?;
+    let differs = |played: &Played| {
+        let said = before.case(&played.case).filter(|said| said.came != played.came)?.in_words();
+        Some(format!("case {}: it says {said:?}, its recorded answers come to {:?}", played.case, played.in_words()))
+    };
+    held(driven.iter().filter_map(differs).take(DIFFERENCES_MAX).collect())?;
+    if let Some(broken) = seal {
+        return Err(suite_file::changed(path, broken));
+    }
+    let marks = if selection.marks().is_all() { selection_of(&before) } else { selection.marks() };
+    let driven = Driven { cases: driven, answers, compared: Vec::new() };
+    Ok(made(frozen, TestDriver::Recorded(before.driver, planner), driven, (None, marks)))
+}
+
+/// Cases that a message names of those that come out differently.
+const DIFFERENCES_MAX: usize = 5;
+
+/// The planner behind a result, and its recorded answers: all that the result names.
+fn answers_behind(path: &Path, result: &SuiteResult, suite: &Suite) -> Result<Answered, Failure> {
+    let place = path.display();
+    let Some((planner, answers)) = planner_of(path, suite)? else {
         return Err(Failure::miss(format!(
             "{place}: no recorded answers of a planner beside it ({}); the drivers that need none are named with --driver",
             answers_beside(path, 0).display()
         )));
     };
-    // A result of a selection says nothing of the other cases.
-    let cases: Vec<&Case> = cases.iter().filter(|case| before.case(&case.id).is_some()).copied().collect();
-    if cases.is_empty() {
-        return Err(Failure::bad_input(format!("{place} holds none of the selected cases; select others")));
-    }
-    let known = |case: &Case| before.case(&case.id).map(|played| played.came.clone());
-    let driven = drive_recorded(stage, &cases, (planner, answers), &known, running)?;
-    for played in &driven.cases {
-        match before.case(&played.case) {
-            Some(before) if before.came != played.came => {
-                return Err(Failure::divergence(format!(
-                    "case {}: {place} says {:?}, its recorded answers come to {:?}; the result or the file of answers was changed, or it is \
-                     of another release",
-                    played.case,
-                    before.in_words(),
-                    played.in_words()
-                )));
-            }
-            _ => {}
+    match result.recordings.iter().find(|of| !answers.contains_key(&of.rules)) {
+        None => Ok((planner, answers)),
+        Some(of) => {
+            let beside = answers_beside(path, of.rules);
+            Err(Failure::miss(format!("{place}: its recorded answers are gone: {}; restore them", beside.display())))
         }
     }
-    Ok(made(frozen, TestDriver::Recorded(before.driver, planner), driven, None))
+}
+
+/// What recorded answers are not as their result says.
+fn unlike(
+    path: &Path,
+    result: &SuiteResult,
+    (planner, answers): (Digest, &BTreeMap<usize, RolloutCassette>),
+) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for (rules, answers) in answers {
+        let beside = answers_beside(path, *rules);
+        match result.recordings.iter().find(|of| of.rules == *rules) {
+            None => wrong.push(format!("it does not name {}", beside.display())),
+            Some(of) if of.digest.is_some_and(|digest| digest != suite_file::answers_digest(answers, result)) => {
+                wrong.push(suite_file::OTHER_ANSWERS.into());
+            }
+            Some(_) => {}
+        }
+    }
+    let driver = Policy::Command(planner).digest();
+    if driver != result.driver.digest {
+        let (said, found) = (result.driver.digest.short(12), driver.short(12));
+        wrong.push(format!("it is of the driver {said}, its recorded answers are of {found}"));
+    }
+    wrong
 }
 
 /// The files of answers beside a result.
@@ -286,13 +348,20 @@ fn answers_of(result: &Path, suite: &Suite) -> Result<BTreeMap<usize, RolloutCas
     Ok(answers)
 }
 
-fn made(frozen: &Frozen, driver: TestDriver, driven: Driven, recording: Option<OwnDir>) -> Made {
+fn made(
+    frozen: &Frozen,
+    driver: TestDriver,
+    driven: Driven,
+    (recording, selection): (Option<OwnDir>, Selected),
+) -> Made {
     let result = SuiteResult {
         format: RESULT_FORMAT.into(),
         suite: SuiteMark { name: frozen.suite.name.clone(), digest: frozen.digest },
         driver: driver.mark(),
         simulator: SIM_VERSION,
+        selection: Some(selection),
         recordings: Vec::new(),
+        seal: None,
         cases: driven.cases,
     };
     Made { result, answers: driven.answers, driver, recording }
@@ -302,11 +371,11 @@ fn made(frozen: &Frozen, driver: TestDriver, driven: Driven, recording: Option<O
 pub fn write(made: &mut Made, out: &Path, output: Output) -> Result<(), Failure> {
     for (rules, answers) in &made.answers {
         let path = answers_beside(out, *rules);
-        if let Some(name) = path.file_name() {
-            let file = name.to_string_lossy().into_owned();
-            made.result.recordings.push(Recording { rules: *rules, file });
-        }
         let bytes = answers.to_bytes(&made.result.suite.name);
+        if let Some(name) = path.file_name() {
+            let (file, digest) = (name.to_string_lossy().into_owned(), Some(Digest::of_bytes(&bytes)));
+            made.result.recordings.push(Recording { rules: *rules, file, digest });
+        }
         output.write(&path, &crate::store::packed(&path, &bytes)?)?;
     }
     suite_file::write_result(&made.result, out, output)?;
@@ -368,13 +437,14 @@ fn answer(
 ) -> Answer {
     let broken = rules.iter().any(|rule| !rule.holds);
     let text = format!(
-        "{} in {} ({}), {}\n\n{}\n{}\n{}{}",
+        "{} in {} ({}), {}\n\n{}\n{}\n{}{}{}",
         result.driver.name,
         frozen.suite.name,
         frozen.digest.short(12),
-        counted(result.cases.len(), "case"),
+        suite_text::of_all(result.cases.len(), &frozen.suite),
         suite_text::table(totals, table_width()),
         suite_text::NOTE,
+        suite_text::left_out(result, &frozen.suite),
         suite_text::not_driven(result),
         suite_text::rules(rules, result, command)
     );
@@ -387,7 +457,7 @@ fn answer(
         .collect();
     let object = json!({
         "suite": result.suite, "driver": result.driver, "totals": totals, "rules": rules, "holds": !broken, "commands": commands,
-        "cases": result.cases,
+        "cases": result.cases, "cases_of_suite": frozen.suite.cases.len(),
     });
     let exit = if broken { Exit::Broken } else { Exit::Success };
     Answer { exit, ..Answer::new(text, object) }

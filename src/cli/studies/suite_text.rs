@@ -1,12 +1,12 @@
 //! A result in words, as a table and as CSV.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use crate::evidence::aligned::Aligned;
 use crate::evidence::tables::{Estimate, csv_line};
 use crate::kernel::num;
-use crate::suite::{Came, Case, Judged, Played, Share, SuiteResult, Total};
+use crate::suite::{Came, Case, Judged, Played, Share, Suite, SuiteResult, Total};
 use crate::text::counted;
 
 /// Scenes that a list names before it counts.
@@ -106,6 +106,25 @@ pub fn rules(rules: &[Judged], result: &SuiteResult, command: &dyn Fn(&Played) -
         }
     }
     text
+}
+
+/// So many cases, and of how many where that is not the whole suite.
+pub fn of_all(cases: usize, suite: &Suite) -> String {
+    let all = counted(suite.cases.len(), "case");
+    if cases == suite.cases.len() { all } else { format!("{cases} of {all}") }
+}
+
+/// The cases of a suite that a result does not hold, counted by family.
+pub fn left_out(result: &SuiteResult, suite: &Suite) -> String {
+    let held: BTreeSet<&str> = result.cases.iter().map(|played| played.case.as_str()).collect();
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    let others = suite.cases.iter().filter(|case| !held.contains(case.id.as_str()));
+    others.for_each(|case| *counts.entry(&case.family).or_insert(0) += 1);
+    let families: Vec<String> = counts.iter().map(|(family, count)| format!("{family} {count}")).collect();
+    match counts.values().sum::<usize>() {
+        0 => String::new(),
+        count => format!("not asked for: {} of the suite ({})\n", counted(count, "case"), families.join(", ")),
+    }
 }
 
 /// What was not driven, by reason.

@@ -105,6 +105,7 @@ fn of_backend(error: &BackendError) -> Failure {
     match error {
         BackendError::Miss(_) => Failure::miss(error),
         BackendError::Worker(_) | BackendError::Unplayable(_) => Failure::bad_input(error),
+        BackendError::Untrue(_) => Failure::divergence(error),
         BackendError::Planner(_) => Failure { is_planners: true, ..Failure::bad_input(error) },
         BackendError::Cassette(cassette) => of_rollouts(cassette),
         BackendError::Store(store) => of_store(store),

@@ -218,6 +218,60 @@ impl Car {
         }
     }
 
+    /// Turn over way of the tightest bend that its wheels can steer, 1/m.
+    pub(in crate::sim) fn curvature_max_1pm(&self, limits: &Limits) -> f64 {
+        let tan_slip = num::tan(limits.steering_rad) * self.rear_m / (self.front_m + self.rear_m);
+        tan_slip / (1.0 + tan_slip * tan_slip).sqrt() / self.rear_m
+    }
+
+    /// The acceleration and steering angle under which it comes to a pose after so many physics steps: the inverse of [`Car::drive`]. Where its
+    /// limits do not let it come there, these lead somewhere else.
+    pub(in crate::sim) fn controls_to(&self, next: &Sample, substeps: usize, limits: &Limits) -> (f64, f64) {
+        let turn = num::wrap_angle(next.heading_rad - self.heading_rad);
+        let chord_m = self.position.distance(next.position);
+        let (mut way_m, mut acceleration, mut sine) = (chord_m, 0.0, 0.0);
+        for _ in 0..3 {
+            acceleration = self.acceleration_over(way_m, next.speed_mps(), substeps, limits);
+            sine = if way_m > 1e-12 { (turn / way_m * self.rear_m).clamp(-0.99, 0.99) } else { 0.0 };
+            let mut car = *self;
+            let cosine = (1.0 - sine * sine).sqrt();
+            (0..substeps).for_each(|_| car.substep(acceleration, sine, cosine, limits));
+            let reached_m = self.position.distance(car.position);
+            // The way is longer than its chord.
+            way_m = if reached_m > 1e-12 { way_m * chord_m / reached_m } else { way_m };
+        }
+        let steering_rad = self.steering_for(sine / self.rear_m);
+        // What the bend costs comes on top; of some laws it grows with the throttle.
+        let loss = |throttle: f64| self.cornering_loss_mps2(throttle, steering_rad, sine, limits);
+        let (coasting, share) = (loss(0.0), loss(1.0) - loss(0.0));
+        let wanted = acceleration + coasting;
+        (if wanted > 0.0 { wanted / (1.0 - share).max(1e-9) } else { wanted }, steering_rad)
+    }
+
+    /// The constant acceleration under which so long a way is driven, and this speed reached at its end.
+    fn acceleration_over(&self, way_m: f64, speed_mps: f64, substeps: usize, limits: &Limits) -> f64 {
+        let driven_m = |acceleration: f64| {
+            let (mut speed, mut driven) = (self.speed_mps, 0.0);
+            for _ in 0..substeps {
+                let (next, distance) = advance(speed, acceleration, limits.speed_mps, SUBSTEP_S);
+                (speed, driven) = (next, driven + distance);
+            }
+            driven
+        };
+        let even = (speed_mps - self.speed_mps) / (substeps.max(1) as f64 * SUBSTEP_S);
+        if speed_mps > 0.0 && (driven_m(even) - way_m).abs() < 1e-8 {
+            return even;
+        }
+        // It stopped, or reached its top speed, on the way.
+        // Beyond the limits, too: a way that is still being looked for must not end at them.
+        let (mut low, mut high) = (-2.0 * limits.brake_mps2, 2.0 * limits.engine_mps2);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if driven_m(middle) < way_m { low = middle } else { high = middle }
+        }
+        if self.speed_mps == 0.0 && way_m == 0.0 { 0.0 } else { 0.5 * (low + high) }
+    }
+
     /// One decision step under constant controls: the car after each physics step.
     pub fn drive(&self, acceleration_mps2: f64, steering_rad: f64, limits: &Limits) -> [Car; SUBSTEPS] {
         let acceleration = acceleration_mps2.clamp(-limits.brake_mps2, limits.engine_mps2);

@@ -13,6 +13,7 @@ pub mod reported;
 mod reported_check;
 #[cfg(test)]
 mod reported_tests;
+mod retraced;
 pub mod rollout;
 pub(super) mod rules;
 
@@ -24,6 +25,7 @@ pub use repeated::Repeated;
 pub use reported::{
     ContactBoxes, Pose, ReportedActor, ReportedContact, ReportedError, ReportedRollout, adversaries_of, commands,
 };
+pub use retraced::retraced;
 pub use rollout::{
     contact_within, ending, rollout, rollout_assessed, rollout_counted, rollout_in_parts, rollout_traced,
 };

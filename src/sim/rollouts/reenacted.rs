@@ -34,7 +34,7 @@ pub fn judge(
     reported: &ReportedRollout,
     replays: bool,
 ) -> Result<(Outcome, Trace), ReportedError> {
-    super::reported_check::check(plant, intervention, reported)?;
+    super::reported_check::check(plant, intervention, reported, replays)?;
     let mut reenacted = Reenacted::new(plant, intervention, reported, replays)?;
     let mut recorder = Recorder::new(plant, &reenacted.state);
     let mut outcome = reenacted.account(&mut recorder);
@@ -44,7 +44,8 @@ pub fn judge(
 
 /// A rollout of our own as a worker tells it.
 pub fn tell(plant: &Plant, intervention: &Intervention, driver: &mut dyn Driver) -> Result<ReportedRollout, SimError> {
-    let reported = ReportedRollout { end: End::Horizon, contact: None, ego: Vec::new(), actors: Vec::new() };
+    let (ego, actors, controls) = (Vec::new(), Vec::new(), Vec::new());
+    let reported = ReportedRollout { end: End::Horizon, contact: None, ego, actors, controls };
     let mut writer = Writer { reported, within: None };
     let (end, steps, contact) = rollout_recorded(plant, intervention, driver, &mut writer)?;
     let (step, substep) = writer.within.unwrap_or((steps, 0));

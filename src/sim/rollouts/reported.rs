@@ -45,6 +45,8 @@ pub struct ReportedRollout {
     pub ego: Vec<Pose>,
     /// The adversaries, and everyone else who did not do what was recorded, in the order in which they turned away from it.
     pub actors: Vec<ReportedActor>,
+    /// What was decided in our own simulator, one a step: acceleration (m/s²) and steering angle (rad). Empty where nobody told it.
+    pub controls: Vec<[f64; 2]>,
 }
 
 /// The road user that the ego touched first. The moment of a contact is the one in which the boxes met, before any impact changed a

@@ -109,7 +109,7 @@ fn another_motion_gives_another_outcome() {
     assert!(other.ego.speed_mps_mean < own.ego.speed_mps_mean);
     assert_ne!(other.trace, own.trace);
     let mut aside = reported.clone();
-    aside.ego.iter_mut().skip(1).for_each(|pose| pose.sample.position.y += 1.0);
+    aside.ego.iter_mut().enumerate().for_each(|(row, pose)| pose.sample.position.y += 0.05 * row as f64);
     let (other, _) = judge(&plant, &act, &aside, false).unwrap();
     assert!((other.ego_lateral_m_max - own.ego_lateral_m_max).abs() > 0.5);
 }
@@ -232,4 +232,139 @@ fn who_could_have_avoided_a_contact_was_not_too_late_and_who_could_not_was() {
         counted[usize::from(avoidable)] += 1;
     }
     assert!(counted.iter().all(|count| *count > 3), "{counted:?}");
+}
+
+/// Plants whose car's poses tell all of its state: tyres, and MetaDrive's limits and skids without its springs.
+fn tracked(scene: &Scene, seed: u64) -> Plant {
+    let skids = PlantOptions { ego_car: EgoCar::SingleTrack, ..PlantOptions::METADRIVE_0_4_3 };
+    let law = if seed.is_multiple_of(2) { PlantOptions::PHYSICAL } else { skids };
+    let options = SimulatorOptions { plant: law, ..SimulatorOptions::SHIPPED };
+    Plant::with_options(PreparedScene::new(Arc::new(scene.clone())), &options).unwrap()
+}
+
+/// Drives at its limits: full throttle and brakes, and wheels jerked from side to side.
+struct Wild(u64);
+
+impl Driver for Wild {
+    fn begin(&mut self, _: &Plant) {}
+
+    fn decide(&mut self, view: &View<'_>) -> Control {
+        let mut stream = Seed(self.0).stream(&["wild", &view.decision().to_string()]);
+        let held = Seed(self.0).stream(&["held", &(view.decision() / 7).to_string()]).uniform(-1.0, 1.0);
+        let acceleration_mps2 = if held > 0.0 { stream.uniform(-2.0, 12.0) } else { stream.uniform(-20.0, 0.5) };
+        Control::Drive { acceleration_mps2, steering_rad: held * stream.uniform(-0.2, 1.2) }
+    }
+}
+
+#[test]
+fn a_drive_of_our_own_is_traced_again_without_its_controls() {
+    let (mut ends, mut stood, mut fast) = (std::collections::BTreeSet::new(), 0, 0);
+    for seed in 0..400 {
+        let scene = scene(seed);
+        let (plant, act) = (tracked(&scene, seed), drawn(&scene, seed));
+        let mut idm = Policy::Idm.driver();
+        let mut wild = Wild(seed);
+        let driver: &mut dyn Driver = if seed % 4 < 2 { &mut wild } else { idm.as_mut() };
+        let reported = tell(&plant, &act, driver).unwrap();
+        retraced(&plant, &act, &reported).unwrap_or_else(|error| panic!("seed {seed}: {error}"));
+        judge(&plant, &act, &reported, false).unwrap_or_else(|error| panic!("seed {seed}: {error}"));
+        ends.insert(format!("{:?}", reported.end));
+        stood += usize::from(reported.ego.iter().any(|pose| pose.sample.speed_mps() == 0.0));
+        fast += usize::from(reported.ego.iter().any(|pose| pose.sample.speed_mps() > 22.2));
+    }
+    assert!(ends.len() == 4 && stood > 20, "{ends:?}, {stood} stood, {fast} at top speed");
+}
+
+#[test]
+fn a_drive_that_no_car_has_or_that_ends_otherwise_is_not_traced() {
+    let (scene, mut forged) = (scene(4), 0);
+    let (plant, act) = (tracked(&scene, 4), drawn(&scene, 4));
+    let own = tell(&plant, &act, Policy::Idm.driver().as_mut()).unwrap();
+    let mut refused = |what: &str, expected: &str, spoil: &dyn Fn(&mut ReportedRollout)| {
+        let mut changed = own.clone();
+        spoil(&mut changed);
+        let said = retraced(&plant, &act, &changed).map_or_else(|error| error.to_string(), |()| "traced".into());
+        assert!(said.contains(expected), "{what}: {said}");
+        forged += 1;
+    };
+    let last = plant.route().points()[plant.route().points().len() - 1];
+    refused("a jump to the route's end", "ego, row 1", &|of| {
+        (of.end, of.contact) = (End::Arrived, None);
+        of.ego.truncate(2);
+        of.ego[1].sample.position = last;
+        of.actors.retain(|actor| actor.from_step < 2);
+        of.actors.iter_mut().for_each(|actor| actor.poses.truncate(2 - actor.from_step));
+    });
+    refused("a millimetre more a step", "ego, row 1", &|of| {
+        of.ego.iter_mut().enumerate().for_each(|(row, pose)| pose.sample.position.x += 0.001 * row as f64);
+    });
+    refused("faster than it goes", "ego, row 3", &|of| of.ego[3].sample.velocity = of.ego[3].sample.velocity * 1.01);
+    refused("another end", "its end", &|of| of.end = if of.end == End::Arrived { End::OffRoad } else { End::Arrived });
+    refused("controls of another drive", "ego, row", &|of| of.controls = vec![[1.0, 0.1]; 90]);
+    refused("an adversary that gives way", "road_users[0]", &|of| {
+        of.actors[0].poses.iter_mut().flatten().for_each(|pose| pose.sample.position.y += 0.01);
+    });
+    refused("nobody reacts", "road_users", &|of| of.actors.clear());
+    assert_eq!(forged, 7);
+}
+
+/// What `judge` says of a car of another simulator: the limits of the plant, with room.
+#[test]
+fn a_car_of_another_simulator_is_held_to_the_limits_that_planners_are_told() {
+    let drives = |what: &str, expected: &str, spoil: &dyn Fn(&mut ReportedRollout)| {
+        let said = refused(|reported| spoil(reported));
+        assert!(said.contains(expected), "{what}: {said}");
+    };
+    let from_5 = |of: &mut ReportedRollout, change: &dyn Fn(&mut Pose)| of.ego[5..].iter_mut().for_each(change);
+    drives("nothing", "judged", &|_| ());
+    drives("a jump", "ego, row 5: expected a car within its limits", &|of| {
+        from_5(of, &|pose| pose.sample.position.x += 500.0);
+    });
+    drives("a jump of 3 m", "ego, row 5", &|of| from_5(of, &|pose| pose.sample.position.x += 3.0));
+    drives("a jump that its velocity explains", "m/s", &|of| {
+        of.ego[5].sample.velocity = of.ego[5].sample.velocity * 10.0;
+        from_5(of, &|pose| pose.sample.position.x += 10.0);
+    });
+    drives("a start at speed", "m/s and", &|of| of.ego[0].sample.velocity = of.ego[0].sample.velocity * 3.0);
+    drives("a turn on the spot", "rad of turn", &|of| {
+        from_5(of, &|pose| {
+            let turned = pose.sample.heading_rad + 1.0;
+            *pose = Pose::of(Sample { heading_rad: crate::kernel::num::wrap_angle(turned), ..pose.sample });
+        });
+    });
+    drives("a step aside", "ego, row 5", &|of| {
+        from_5(of, &|pose| {
+            let aside = Vec2::new(-pose.axis.y, pose.axis.x) * 2.0;
+            pose.sample.position = pose.sample.position + aside;
+        });
+    });
+}
+
+#[test]
+fn an_ego_that_repeats_its_recording_is_where_that_was() {
+    let scene = scene(0);
+    let (plant, act) = (plant(&scene, 0), drawn(&scene, 0));
+    let mut reported = tell(&plant, &act, Policy::Replay.driver().as_mut()).unwrap();
+    judge(&plant, &act, &reported, true).unwrap();
+    reported.ego[2].sample.position.y += 3.0;
+    let error = judge(&plant, &act, &reported, true).unwrap_err().to_string();
+    assert!(error.contains("ego, row 2: expected where the ego was recorded"), "{error}");
+}
+
+#[test]
+fn traffic_that_nobody_commands_does_not_jump() {
+    let mut spoiled = 0;
+    for seed in 0..120 {
+        let scene = scene(seed);
+        let (plant, act, policy) = (plant(&scene, seed), drawn(&scene, seed), policy(seed));
+        let mut reported = tell(&plant, &act, policy.driver().as_mut()).unwrap();
+        let Some(follower) = reported.actors.get_mut(act.actions.len()).filter(|of| of.poses.len() > 4) else {
+            continue;
+        };
+        follower.poses[3..].iter_mut().flatten().for_each(|pose| pose.sample.position.x += 30.0);
+        let error = judge(&plant, &act, &reported, policy.driver().follows_log()).unwrap_err().to_string();
+        assert!(error.contains("m of way since row"), "seed {seed}: {error}");
+        spoiled += 1;
+    }
+    assert!(spoiled > 5, "{spoiled}");
 }

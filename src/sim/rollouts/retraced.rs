@@ -1,0 +1,110 @@
+//! A recorded drive in our own simulator, driven once more: by the controls that were recorded with it, or by those that lead from each row
+//! to the next. Whatever no car can do, whoever moved otherwise and a contact or an end that is not there shows as the first difference.
+
+use crate::kernel::num;
+use crate::sim::prepared::body::SUBSTEPS;
+use crate::sim::prepared::plant::Plant;
+use crate::sim::prepared::plant_options::EgoCar;
+use crate::sim::road_users::bicycle::Car;
+use crate::sim::road_users::driver::{Control, Driver, View};
+use crate::sim::road_users::intervention::Intervention;
+
+use super::reenacted::tell;
+use super::reported::{Pose, ReportedError, ReportedRollout};
+
+/// How far a recorded pose may be from where its controls lead: metres, m/s and rad. Controls that are worked out from the motion miss by
+/// rounding alone, and whoever reacts to the ego by a little more.
+const EGO_APART: f64 = 1e-6;
+const OTHERS_APART: f64 = 1e-4;
+
+/// Holds a recorded drive of our own simulator to it. A car on springs has more state than its poses tell: without controls its drive is
+/// held to the limits of [`judge`](super::judge) alone.
+///
+/// # Errors
+/// The first thing that comes out differently.
+pub fn retraced(plant: &Plant, intervention: &Intervention, reported: &ReportedRollout) -> Result<(), ReportedError> {
+    if reported.controls.is_empty() && plant.options().plant.ego_car == EgoCar::Sprung {
+        return Ok(());
+    }
+    let driven = tell(plant, intervention, &mut Retracing { reported })?;
+    let differs =
+        |place: String, expected: String, found: String| Err(ReportedError::Motion { place, expected, found });
+    for (row, (is, told)) in driven.ego.iter().zip(&reported.ego).enumerate() {
+        if apart(is, told) > EGO_APART {
+            let by = if reported.controls.is_empty() { "a car within its limits" } else { "its recorded controls" };
+            return differs(format!("ego, row {row}"), format!("{}, where {by} leads", at(is)), at(told));
+        }
+    }
+    let ended = |of: &ReportedRollout| {
+        let contact = of.contact.map(|contact| (contact.with, contact.step, contact.substep));
+        let contact = contact.map_or(String::new(), |(with, step, substep)| {
+            format!(" with {with:?} in step {step}, physics step {substep}")
+        });
+        format!("the end {:?}{contact} after {} rows", of.end, of.ego.len())
+    };
+    if ended(&driven) != ended(reported) || reported.contact.is_some_and(|contact| contact.boxes.is_some()) {
+        return differs("its end".into(), ended(&driven), ended(reported));
+    }
+    let users = |of: &ReportedRollout| of.actors.iter().map(|actor| (actor.who, actor.from_step)).collect::<Vec<_>>();
+    if users(&driven) != users(reported) {
+        return differs("road_users".into(), format!("{:?}", users(&driven)), format!("{:?}", users(reported)));
+    }
+    for (i, (is, told)) in driven.actors.iter().zip(&reported.actors).enumerate() {
+        for (row, (is, told)) in is.poses.iter().zip(&told.poses).enumerate() {
+            let same = match (is, told) {
+                (Some(is), Some(told)) => apart(is, told) <= OTHERS_APART,
+                (is, told) => is.is_none() && told.is_none(),
+            };
+            if !same {
+                let place = format!("road_users[{i}], row {}", row + reported.actors[i].from_step);
+                let say = |pose: &Option<Pose>| pose.as_ref().map_or("nobody".into(), at);
+                return differs(place, say(is), say(told));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn at(pose: &Pose) -> String {
+    let sample = &pose.sample;
+    let (x, y) = (num::fixed(sample.position.x, 4), num::fixed(sample.position.y, 4));
+    format!("({x}, {y}) m at {} rad and {} m/s", num::fixed(sample.heading_rad, 4), num::fixed(sample.speed_mps(), 3))
+}
+
+/// The largest difference of two poses; infinite where one is no number.
+fn apart(a: &Pose, b: &Pose) -> f64 {
+    let (a, b) = (&a.sample, &b.sample);
+    let turn = num::wrap_angle(a.heading_rad - b.heading_rad).abs();
+    let all = [a.position.distance(b.position), (a.velocity - b.velocity).norm(), turn];
+    if all.iter().all(|x| x.is_finite()) { all.into_iter().fold(0.0, f64::max) } else { f64::INFINITY }
+}
+
+/// Decides what was decided.
+struct Retracing<'r> {
+    reported: &'r ReportedRollout,
+}
+
+impl Driver for Retracing<'_> {
+    fn begin(&mut self, _: &Plant) {}
+
+    fn decide(&mut self, view: &View<'_>) -> Control {
+        let (k, ego) = (view.decision(), view.ego());
+        if let Some(&[acceleration_mps2, steering_rad]) = self.reported.controls.get(k) {
+            return Control::Drive { acceleration_mps2, steering_rad };
+        }
+        let drive = |(acceleration_mps2, steering_rad)| Control::Drive { acceleration_mps2, steering_rad };
+        // Behind the last row, where the recorded drive ended and this one goes on, any control shows that.
+        let Some(next) = self.reported.ego.get(k + 1).filter(|_| self.reported.controls.is_empty()) else {
+            return drive((0.0, 0.0));
+        };
+        let contact = self.reported.contact.filter(|contact| contact.step == k);
+        let substeps = contact.map_or(SUBSTEPS, |contact| contact.substep.clamp(1, SUBSTEPS));
+        let mut car = Car::new(&ego.sample, 2.0 * ego.size.half_length_m);
+        (car.axis, car.speed_mps) = (ego.axis, ego.speed_mps);
+        let (acceleration_mps2, steering_rad) =
+            car.controls_to(&next.sample, substeps, &view.plant().limits().at_step(k));
+        // What leads nowhere is no control either.
+        let finite = acceleration_mps2.is_finite() && steering_rad.is_finite();
+        drive(if finite { (acceleration_mps2, steering_rad) } else { (0.0, 0.0) })
+    }
+}

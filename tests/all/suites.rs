@@ -711,7 +711,7 @@ fn a_forged_result_is_named_whoever_reads_it() {
                 of.controls.clear();
                 of.ego[9].sample.position.x += 0.001;
             },
-            "a car within its limits leads",
+            "a car within its limits comes",
         ),
         (
             "no contact",

@@ -228,7 +228,9 @@ impl Car {
     /// limits do not let it come there, these lead somewhere else.
     pub(in crate::sim) fn controls_to(&self, next: &Sample, substeps: usize, limits: &Limits) -> (f64, f64) {
         let turn = num::wrap_angle(next.heading_rad - self.heading_rad);
-        let chord_m = self.position.distance(next.position);
+        let moved = next.position - self.position;
+        // A pose that rounding has put behind it is one that it has reached: it never drives backwards.
+        let chord_m = if moved.dot(self.axis) > 0.0 { moved.norm() } else { 0.0 };
         let (mut way_m, mut acceleration, mut sine) = (chord_m, 0.0, 0.0);
         for _ in 0..3 {
             acceleration = self.acceleration_over(way_m, next.speed_mps(), substeps, limits);

@@ -14,7 +14,7 @@ use super::reported::{Pose, ReportedError, ReportedRollout};
 
 /// How far a recorded pose may be from where its controls lead: metres, m/s and rad. Controls that are worked out from the motion miss by
 /// rounding alone, and whoever reacts to the ego by a little more.
-const EGO_APART: f64 = 1e-6;
+const EGO_APART: f64 = 1e-5;
 const OTHERS_APART: f64 = 1e-4;
 
 /// Holds a recorded drive of our own simulator to it. A car on springs has more state than its poses tell: without controls its drive is
@@ -31,8 +31,9 @@ pub fn retraced(plant: &Plant, intervention: &Intervention, reported: &ReportedR
         |place: String, expected: String, found: String| Err(ReportedError::Motion { place, expected, found });
     for (row, (is, told)) in driven.ego.iter().zip(&reported.ego).enumerate() {
         if apart(is, told) > EGO_APART {
-            let by = if reported.controls.is_empty() { "a car within its limits" } else { "its recorded controls" };
-            return differs(format!("ego, row {row}"), format!("{}, where {by} leads", at(is)), at(told));
+            let alone = reported.controls.is_empty();
+            let why = if alone { "where a car within its limits comes" } else { "where its recorded controls lead" };
+            return differs(format!("ego, row {row}"), format!("{}, {why}", at(is)), at(told));
         }
     }
     let ended = |of: &ReportedRollout| {

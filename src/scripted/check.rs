@@ -130,6 +130,11 @@ fn content(page: &PromptView, patch: &Value) -> Vec<Finding> {
     flaws.map(|flaw| blame(page, patch, flaw)).collect()
 }
 
+/// Unknown words of a program for which a similar one is looked for: each is compared with every known one.
+const COMPARED_MAX: usize = 200;
+/// Bytes of a word for which that is done: no name is longer.
+const WORD_BYTES_MAX: usize = 200;
+
 /// A fault at an absolute path in the child.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 struct Flaw {
@@ -186,11 +191,13 @@ struct Check<'a> {
     page: &'a PromptView,
     child: &'a Program,
     flaws: Vec<Flaw>,
+    /// Unknown words that were compared with known ones.
+    compared: usize,
 }
 
 impl<'a> Check<'a> {
     fn all(page: &'a PromptView, program: &'a Program) -> Vec<Flaw> {
-        let mut check = Check { page, child: program, flaws: vec![] };
+        let mut check = Check { page, child: program, flaws: vec![], compared: 0 };
         check.sizes();
         check.values("/parameters", &program.parameters);
         for (name, node) in &program.operator_graph {
@@ -212,7 +219,9 @@ impl<'a> Check<'a> {
 
     /// A word that the contract does not have; the most similar one mends it.
     fn unknown<'w>(&mut self, place: &str, what: &str, word: &str, known: impl Iterator<Item = &'w str>) {
-        let near = crate::text::nearest(word, known);
+        let is_compared = self.compared < COMPARED_MAX && word.len() <= WORD_BYTES_MAX;
+        self.compared += usize::from(is_compared);
+        let near = if is_compared { crate::text::nearest(word, known) } else { None };
         let mend = near.map_or(Mend::Drop, |near| Mend::Rename(word.to_string(), near.to_string()));
         self.flaws.push(Flaw { place: place.into(), problem: format!("unknown {what} `{word}`"), mend });
     }
@@ -386,7 +395,7 @@ fn put(value: Value) -> Mend {
 fn size(text: &str, chains_are_one_level: bool) -> (usize, usize) {
     let spaced = text.replace(['(', ')', ','], " ");
     let nodes = spaced.split_whitespace().count();
-    let (mut open, mut deepest, mut chain) = (0usize, 0usize, vec![Vec::<u8>::new()]);
+    let (mut open, mut deepest, mut chain, mut sorts) = (0usize, 0usize, vec![Vec::<u8>::new()], 0);
     for token in text.replace('(', " ( ").replace(')', " ) ").replace(',', " , ").split_whitespace() {
         let sort = match token {
             "(" => {
@@ -396,11 +405,11 @@ fn size(text: &str, chains_are_one_level: bool) -> (usize, usize) {
             }
             ")" => {
                 open = open.saturating_sub(1);
-                chain.pop();
+                sorts -= chain.pop().map_or(0, |closed| closed.len());
                 None
             }
             "," => {
-                chain.last_mut().into_iter().for_each(Vec::clear);
+                sorts -= chain.last_mut().map_or(0, |last| last.drain(..).count());
                 None
             }
             "or" => Some(0),
@@ -415,8 +424,59 @@ fn size(text: &str, chains_are_one_level: bool) -> (usize, usize) {
             && !(chains_are_one_level && last.contains(&sort))
         {
             last.push(sort);
+            sorts += 1;
         }
-        deepest = deepest.max(open + chain.iter().map(Vec::len).sum::<usize>() + 1);
+        deepest = deepest.max(open + sorts + 1);
     }
     (nodes, deepest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::Seed;
+
+    /// The depth as it is defined: at each token the sorts of all open chains are counted anew.
+    fn depth_plainly(text: &str, chains_are_one_level: bool) -> usize {
+        let (mut open, mut deepest, mut chain) = (0usize, 0usize, vec![Vec::<usize>::new()]);
+        for token in text.split_whitespace() {
+            match token {
+                "(" => {
+                    open += 1;
+                    chain.push(Vec::new());
+                }
+                ")" => {
+                    open = open.saturating_sub(1);
+                    chain.pop();
+                }
+                "," => chain.last_mut().into_iter().for_each(Vec::clear),
+                _ => {}
+            }
+            let sorts = [&["or"][..], &["and"], &["not"], &["<", "=="], &["+", "-"], &["*", "/"]];
+            let sort = sorts.iter().position(|sort| sort.contains(&token));
+            if let (Some(sort), Some(last)) = (sort, chain.last_mut())
+                && !(chains_are_one_level && last.contains(&sort))
+            {
+                last.push(sort);
+            }
+            deepest = deepest.max(open + chain.iter().map(Vec::len).sum::<usize>() + 1);
+        }
+        deepest
+    }
+
+    #[test]
+    fn an_expression_has_the_depth_of_its_definition_and_one_of_many_brackets_is_looked_at_once() {
+        let mut stream = Seed(7).stream(&["scripted", "size"]);
+        for length in 0..300 {
+            const TOKENS: [&str; 14] = ["(", "(", ")", ",", "or", "and", "not", "<", "==", "+", "-", "*", "x", "min"];
+            let tokens: Vec<&str> = (0..length).map(|_| TOKENS[stream.below(TOKENS.len())]).collect();
+            let text = tokens.join(" ");
+            for one in [false, true] {
+                assert_eq!(size(&text, one).1, depth_plainly(&text, one), "{text}");
+            }
+        }
+        // As many as a reply has room for: counted anew at each it would be 10^10 sums.
+        let count = 120_000;
+        assert_eq!(size(&format!("{}x{}", "(".repeat(count), ")".repeat(count)), true), (1, count + 1));
+    }
 }

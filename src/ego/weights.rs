@@ -111,17 +111,12 @@ impl Weights {
             return Err(WeightsError::new(odd, "a tensor", format!("no other than {}", known.join(", "))));
         }
         let hidden = file.tensor("latent_pi.0.bias").map_or(0, |view| view.shape().first().copied().unwrap_or(0));
-        if !(1..=WIDTH_MAX).contains(&hidden) {
-            return Err(WeightsError::new(
-                "latent_pi.0.bias",
-                format!("{hidden} numbers"),
-                format!("1 to {WIDTH_MAX}"),
-            ));
-        }
+        check_width(hidden)?;
         let first = layer(&file, TRUNK[0], setting.length(), hidden)?;
         let second = layer(&file, TRUNK[1], hidden, hidden)?;
         let heads = [layer(&file, HEADS[0], hidden, ACTION)?, layer(&file, HEADS[1], hidden, ACTION)?];
         let actor = Arc::new(Mlp { layers: vec![first, second, beside(&heads)] });
+        check(setting, &actor)?;
         Ok(Weights { setting, form, actor, digest: Digest::of_bytes(bytes) })
     }
 
@@ -155,11 +150,9 @@ impl Weights {
     /// [`Weights::to_bytes`] of an actor that was trained elsewhere.
     ///
     /// # Errors
-    /// An actor of another form.
+    /// What [`Weights::from_bytes`] would refuse.
     pub fn to_bytes_as(setting: Setting, actor: &Mlp, form: Form) -> Result<Vec<u8>, WeightsError> {
-        let [first, second, both] = &actor.layers[..] else {
-            return Err(WeightsError::new("actor", format!("{} layers", actor.layers.len()), "3 layers"));
-        };
+        let [first, second, both] = check(setting, actor)?;
         let heads = apart(both);
         let layers = TRUNK.iter().chain(&HEADS).zip([first, second].into_iter().chain(&heads));
         let mut tensors: Vec<(String, Vec<usize>, Vec<u8>)> = Vec::new();
@@ -182,6 +175,45 @@ impl Weights {
         });
         let header = [(KEY.to_string(), header.map_err(|error| failed(&error))?)].into_iter().collect();
         serialize(views, Some(header)).map_err(|error| failed(&error))
+    }
+}
+
+/// The layers of an actor that a file can hold and a car be driven with: what is written is held to the rules by which it is read.
+fn check(setting: Setting, actor: &Mlp) -> Result<[&Dense; 3], WeightsError> {
+    let [first, second, heads] = &actor.layers[..] else {
+        return Err(WeightsError::new("actor", format!("{} layers", actor.layers.len()), "3 layers"));
+    };
+    let width = first.outputs;
+    check_width(width)?;
+    let due = [
+        (TRUNK[0], first, setting.length(), width),
+        (TRUNK[1], second, width, width),
+        (HEADS[0], heads, width, 2 * ACTION),
+    ];
+    for (name, layer, inputs, outputs) in due {
+        let numbers = (layer.inputs, layer.outputs, layer.weights.len(), layer.bias.len());
+        if numbers != (inputs, outputs, inputs * outputs, outputs) {
+            let found = format!(
+                "{} inputs and {} outputs by {} weights and {} biases",
+                numbers.0, numbers.1, numbers.2, numbers.3
+            );
+            return Err(WeightsError::new(
+                name,
+                found,
+                format!("{inputs} inputs and {outputs} outputs, with their numbers"),
+            ));
+        }
+        if let Some(bad) = layer.weights.iter().chain(&layer.bias).find(|x| !x.is_finite()) {
+            return Err(WeightsError::new(name, format!("{bad} as a number"), "finite numbers"));
+        }
+    }
+    Ok([first, second, heads])
+}
+
+fn check_width(hidden: usize) -> Result<(), WeightsError> {
+    match (1..=WIDTH_MAX).contains(&hidden) {
+        true => Ok(()),
+        false => Err(WeightsError::new("latent_pi.0.bias", format!("{hidden} numbers"), format!("1 to {WIDTH_MAX}"))),
     }
 }
 
@@ -301,13 +333,37 @@ mod tests {
         assert!(older.contains("\"safebench-9\"") && older.contains("metadrive-1 or safebench-1"), "{older}");
         let other = renamed("latent_pi.2.bias", "latent_pi.7.bias");
         assert!(other.contains("latent_pi.7.bias"), "{other}");
-        let mut wide = Weights::to_bytes(Setting::Safebench1, &Mlp::zeros(&[5, 3, 3, 4])).unwrap();
+        // A file of the other observation, whose header says this one.
+        let inputs = Setting::Metadrive1.length();
+        let wide = Weights::to_bytes(Setting::Metadrive1, &Mlp::zeros(&[inputs, 3, 3, 4])).unwrap();
+        let at = wide.windows(11).position(|w| w == b"metadrive-1").unwrap();
+        let mut wide = [&wide[..at], b"safebench-1", &wide[at + 11..]].concat();
         let shape = refused(&wide);
         assert!(
-            shape.contains("latent_pi.0.weight") && shape.contains("[3, 5]") && shape.contains("[3, 4]"),
+            shape.contains("latent_pi.0.weight")
+                && shape.contains(&format!("[3, {inputs}]"))
+                && shape.contains("[3, 4]"),
             "{shape}"
         );
         wide.push(0);
         assert!(refused(&wide).contains("header"));
+    }
+
+    #[test]
+    fn nothing_is_written_that_the_reader_refuses() {
+        let refused = |actor: Mlp| Weights::to_bytes(Setting::Safebench1, &actor).unwrap_err().to_string();
+        for widths in
+            [&[4, 3, 4][..], &[5, 3, 3, 4], &[4, 3, 2, 4], &[4, 3, 3, 2], &[4, 0, 0, 4], &[4, 1025, 1025, 4], &[]]
+        {
+            assert!(refused(Mlp::zeros(widths)).contains("expected"), "{widths:?}");
+        }
+        let changed = |change: fn(&mut Dense)| {
+            let mut actor = actor();
+            change(&mut actor.layers[1]);
+            refused(actor)
+        };
+        assert!(changed(|layer| layer.weights[4] = f32::INFINITY).contains("latent_pi.2: found inf"));
+        assert!(changed(|layer| layer.bias.clear()).contains("9 weights and 0 biases"));
+        assert!(changed(|layer| layer.weights.push(0.0)).contains("10 weights"));
     }
 }

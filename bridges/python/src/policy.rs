@@ -79,7 +79,7 @@ pub fn weights<'py>(
         let turned = (0..inputs).flat_map(|i| rows.iter().map(move |row| row[i])).collect();
         read.push(Dense { inputs, outputs, weights: turned, bias });
     }
-    if let Some(means) = read.last_mut() {
+    if let Some(means) = read.last_mut().filter(|means| means.outputs > 0) {
         // The file also has a head of standard deviations, which nobody reads when driving.
         let outputs = means.outputs;
         let widened = means.weights.chunks_exact(outputs).flat_map(|row| {
@@ -93,8 +93,6 @@ pub fn weights<'py>(
     }
     let form = Weights::form(activation, squash).map_err(refused)?;
     let bytes = Weights::to_bytes_as(setting, &Mlp { layers: read }, form).map_err(refused)?;
-    // What is written can be driven with: the reader looks at every shape and number.
-    Weights::from_bytes(&bytes).map_err(refused)?;
     Ok(PyBytes::new(py, &bytes))
 }
 

@@ -68,6 +68,13 @@ fn played(asked: Asked) -> Result<Answer, String> {
     let simulator = SimulatorOptions { plant, ..SimulatorOptions::SHIPPED };
     simulator.check().map_err(|error| error.to_string())?;
     let policy: Policy = ego.parse().map_err(|error: crate::ego::policy::PolicyError| error.to_string())?;
+    // Whoever asks may be another program than ours, and what a scene costs is bounded by what a sound one may hold.
+    if let Some(violation) = scene.validate().first() {
+        return Err(format!("the scene breaks a rule of a sound scene: {violation}; correct it where it comes from"));
+    }
+    if first_step >= scene.steps {
+        return Err(format!("first_step is {first_step}, the scene has {} steps", scene.steps));
+    }
     let carried_out = |of| action(of, &mut scene, first_step);
     let actions = adversaries.into_iter().map(carried_out).collect::<Result<_, String>>()?;
     let scene = PreparedScene::new(Arc::new(scene));

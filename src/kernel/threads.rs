@@ -27,24 +27,43 @@ pub struct Threads {
     order: Option<Seed>,
 }
 
+/// Most workers: no machine of today has more cores, and each takes a stack.
+pub const THREADS_MAX: usize = 1024;
+
 /// Worker threads could not be started.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot start {threads} worker threads: {source}; try --jobs 1")]
-pub struct ThreadsError {
-    threads: usize,
-    source: rayon::ThreadPoolBuildError,
+pub enum ThreadsError {
+    /// More than anybody has use for.
+    #[error(
+        "expected at most {THREADS_MAX} worker threads, found {0}; 0 gives one a core, and no number changes a result"
+    )]
+    TooMany(usize),
+    /// The system gives no such number.
+    #[error("cannot start {threads} worker threads: {source}; ask for fewer (--jobs 1)")]
+    Unstarted {
+        /// How many were asked for.
+        threads: usize,
+        /// What the system said.
+        source: rayon::ThreadPoolBuildError,
+    },
 }
 
 impl Threads {
     /// `threads` workers; 0 means one per core.
+    ///
+    /// # Errors
+    /// More than [`THREADS_MAX`], or more than the system gives.
     pub fn new(threads: usize) -> Result<Threads, ThreadsError> {
+        if threads > THREADS_MAX {
+            return Err(ThreadsError::TooMany(threads));
+        }
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             // A map within a map: who waits for its end may begin another item of the outer one on the same stack.
             .stack_size(STACK_BYTES)
             .build()
             .map(|pool| Threads { pool: Some(pool), order: None })
-            .map_err(|source| ThreadsError { threads, source })
+            .map_err(|source| ThreadsError::Unstarted { threads, source })
     }
 
     /// No worker: a map runs on its caller's thread, one item after the other. For maps within long items of another map, whose
@@ -70,15 +89,15 @@ impl Threads {
         self.gather(items, f, &|work| each(pool, items.len(), work))
     }
 
-    /// The same for items that mostly wait for somebody outside: at most `at_once` of them are under way together, each on a thread
-    /// of its own. What they compute in a [`Threads::map`] is done by the workers. One at once: the caller's thread alone.
+    /// The same for items that mostly wait for somebody outside: at most `at_once` of them, and [`THREADS_MAX`], are under way together,
+    /// each on a thread of its own. What they compute in a [`Threads::map`] is done by the workers. One at once: the caller's thread alone.
     pub fn map_waiting<T: Sync, R: Send>(
         &self,
         items: &[T],
         at_once: usize,
         f: impl Fn(usize, &T) -> R + Sync + Send,
     ) -> Vec<R> {
-        match at_once.min(items.len()) {
+        match at_once.min(items.len()).min(THREADS_MAX) {
             0 | 1 => items.iter().enumerate().map(|(i, item)| f(i, item)).collect(),
             at_once => self.gather(items, f, &|work| each_waiting(at_once, items.len(), work)),
         }
@@ -151,6 +170,14 @@ mod tests {
         let none = Threads::none().map(&items, |i, x| x * 3 + i as u64);
         assert_eq!(one, four);
         assert_eq!(one, none);
+    }
+
+    #[test]
+    fn more_workers_than_anybody_has_use_for_are_refused_before_one_is_started() {
+        for threads in [THREADS_MAX + 1, 20_000, 10_usize.pow(12), usize::MAX] {
+            let refused = Threads::new(threads).err().map(|error| error.to_string()).unwrap_or_default();
+            assert!(refused.contains(&format!("found {threads}")) && refused.contains("1024"), "{threads}: {refused}");
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{MemoKind, no_file::NoFile};
+use super::MemoKind;
 use crate::kernel::{Digest, canon::CanonError};
 
 /// Why the disk did not give or take what was asked.
@@ -180,6 +180,13 @@ impl StoreError {
                 "the disk is full: make room there, or name a place on another disk, and repeat the command; what was written \
                  whole is safe"
             }
+            std::io::ErrorKind::InvalidFilename => {
+                "choose a shorter name: a file is written under a longer one first, and 200 bytes fit everywhere"
+            }
+            std::io::ErrorKind::FileTooLarge => {
+                "raise the limit of a file's size (`ulimit -f`), or name a place on another disk, and repeat the command; what was \
+                 written whole is safe"
+            }
             std::io::ErrorKind::ReadOnlyFilesystem => "name a place that may be written to",
             std::io::ErrorKind::AlreadyExists => "choose another place, or remove it first",
             std::io::ErrorKind::IsADirectory | std::io::ErrorKind::NotADirectory => {
@@ -188,20 +195,6 @@ impl StoreError {
             _ => "check the path and the disk",
         };
         StoreError::Io { action, path: path.to_path_buf(), source, remedy }
-    }
-
-    /// Whether the user can mend it where the file lies: the program is not at fault.
-    pub fn is_of_the_place(&self) -> bool {
-        use std::io::ErrorKind::{
-            IsADirectory, NotADirectory, NotFound, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull,
-        };
-        let places =
-            [IsADirectory, NotADirectory, NotFound, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull];
-        let no_file = |source: &std::io::Error| source.get_ref().is_some_and(|inner| inner.is::<NoFile>());
-        match self {
-            StoreError::Io { source, .. } => places.contains(&source.kind()) || no_file(source),
-            _ => matches!(self, StoreError::NoLocks { .. } | StoreError::Foreign { .. }),
-        }
     }
 
     pub(super) fn corrupt(damage: Damage) -> StoreError {

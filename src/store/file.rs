@@ -25,6 +25,17 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     sync_dir(parent_of(path))
 }
 
+/// Bytes that the name of a file may have which is written: it gets a longer one first, and a system has room for 255.
+const NAME_BYTES_MAX: usize = 200;
+
+/// Whether a file of this name can be written, for who asks before the work whose result it is to hold.
+pub fn fits(path: &Path) -> Result<(), StoreError> {
+    match path.file_name().map_or(0, |name| name.len()) {
+        ..=NAME_BYTES_MAX => Ok(()),
+        _ => Err(StoreError::io("write", path, std::io::ErrorKind::InvalidFilename.into())),
+    }
+}
+
 /// Writes a whole file where nothing is, and says whether it did: of two that write at once one does. What has the name stays.
 pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool, StoreError> {
     let (temporary, mut file) = neighbour(path)?;
@@ -53,6 +64,7 @@ fn named_anew(from: &Path, to: &Path) -> std::io::Result<bool> {
 /// The hidden neighbour that a file is written to before it gets its name, made anew; its folder is made. What bears such a name
 /// already is left alone: it may be somebody's, or of another machine's process of the same number.
 fn neighbour(path: &Path) -> Result<(PathBuf, File), StoreError> {
+    fits(path)?;
     let parent = parent_of(path);
     create_dir(parent)?;
     let name =
@@ -86,6 +98,16 @@ fn synced(dir: &Path, came: std::io::Result<()>) -> Result<(), StoreError> {
         Err(source) if !matches!(source.kind(), InvalidInput | Unsupported) => Err(StoreError::io("sync", dir, source)),
         _ => Ok(()),
     }
+}
+
+/// The name of a folder's entry. One that is no UTF-8 could be told nobody and written into no file.
+fn name_of(entry: &fs::DirEntry) -> Result<String, StoreError> {
+    entry.file_name().into_string().map_err(|_| StoreError::Io {
+        action: "take",
+        path: entry.path(),
+        source: NoFile::error("a name in UTF-8", "other bytes"),
+        remedy: "rename it, or move it out of the folder",
+    })
 }
 
 /// Whether anything bears this name, a link that leads nowhere too.
@@ -203,7 +225,7 @@ pub fn list_dirs(root: &Path) -> Result<Vec<PathBuf>, StoreError> {
     let mut entries = Vec::new();
     for entry in fs::read_dir(root).map_err(io)? {
         let entry = entry.map_err(io)?;
-        if entry.file_type().map_err(io)?.is_dir() && !entry.file_name().to_string_lossy().starts_with('.') {
+        if entry.file_type().map_err(io)?.is_dir() && !name_of(&entry)?.starts_with('.') {
             entries.push(entry.path());
         }
     }
@@ -252,6 +274,7 @@ pub fn list_entries(dir: &Path, ending: &str) -> Result<Vec<PathBuf>, StoreError
         let entry = entry.map_err(io)?;
         let name = entry.file_name().to_string_lossy().into_owned();
         if name.ends_with(ending) && !name.starts_with('.') {
+            name_of(&entry)?;
             entries.push(entry.path());
         }
     }
@@ -287,10 +310,12 @@ fn collect(dir: &Path, endings: &[&str], depth: usize, found: &mut Vec<PathBuf>)
             continue;
         }
         if kind.is_dir() {
+            name_of(&entry)?;
             if depth > 0 {
                 collect(&entry.path(), endings, depth - 1, found)?;
             }
         } else if entry.path().is_file() && (endings.is_empty() || endings.iter().any(|end| name.ends_with(end))) {
+            name_of(&entry)?;
             found.push(entry.path());
         }
     }
@@ -375,6 +400,34 @@ mod tests {
         assert!(matches!(read_bounded(dir.path(), 9), Err(StoreError::Io { .. })));
     }
 
+    #[test]
+    fn a_name_that_is_too_long_is_refused_before_anything_is_written_and_a_long_one_is_not() {
+        let dir = tempfile::tempdir().unwrap();
+        let named = |bytes: usize| dir.path().join("n".repeat(bytes));
+        write_atomic(&named(NAME_BYTES_MAX), b"x").unwrap();
+        for bytes in [NAME_BYTES_MAX + 1, 255, 300, 100_000] {
+            let refused = [fits(&named(bytes)), write_atomic(&named(bytes), b"x")];
+            assert!(
+                refused.iter().all(|of| of.as_ref().is_err_and(|error| error.to_string().contains("shorter name")))
+            );
+        }
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn an_entry_whose_name_is_no_text_is_told_where_it_would_be_taken() {
+        use std::os::unix::ffi::OsStrExt;
+        let dir = tempfile::tempdir().unwrap();
+        let odd = std::ffi::OsStr::from_bytes(b"caf\xe9.xml");
+        fs::write(dir.path().join(odd), b"").unwrap();
+        assert_eq!(list_files(dir.path(), &[".json"]).unwrap(), Vec::<PathBuf>::new());
+        for refused in [list_files(dir.path(), &[".xml"]), list_entries(dir.path(), ".xml")] {
+            let error = refused.unwrap_err().to_string();
+            assert!(error.contains("expected a name in UTF-8") && error.contains("rename it"), "{error}");
+        }
+    }
+
     #[cfg(unix)]
     #[test]
     fn a_device_is_refused_at_once_by_whatever_way_it_is_reached() {
@@ -385,7 +438,6 @@ mod tests {
             [read_bounded(&path, 9).map(drop), read_head(&path, 9).map(drop), open_bounded(&path, 9).map(drop)]
         {
             let error = refused.unwrap_err();
-            assert!(error.is_of_the_place(), "{error}");
             assert!(error.to_string().contains("expected a file, found a pipe or a device"), "{error}");
         }
     }

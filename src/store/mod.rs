@@ -19,7 +19,7 @@ pub use canonical::{reader, write_filled};
 pub use difference::{first_difference, shortened};
 pub use error::{Damage, Divergence, StoreError};
 pub use file::{
-    append, copy, copy_program, create_dir, create_plain_dir, digest_of_file, is_plain_file, is_taken, length,
+    append, copy, copy_program, create_dir, create_plain_dir, digest_of_file, fits, is_plain_file, is_taken, length,
     list_dirs, list_entries, list_files, open_bounded, read_bounded, read_head, remove_file, rename, write_atomic,
     write_new,
 };

@@ -4,6 +4,7 @@
 //! survive a power cut.
 
 use std::{
+    collections::BTreeMap,
     fs::{self, File, OpenOptions},
     io::{ErrorKind, Read, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
@@ -14,6 +15,7 @@ use super::{
     Damage, MemoKind, StoreError,
     file::{self, create_dir, no_device},
     index::{INDEX, Index, Places},
+    no_file::NoFile,
     pack::{self, HEADER, MemoEntry, PACK, Piece},
 };
 use crate::kernel::Digest;
@@ -40,8 +42,8 @@ pub struct Store {
     dir: PathBuf,
     state: Mutex<State>,
     opening: Opening,
-    /// Held until the store is dropped.
-    _lock: Lock,
+    /// Held until the store is dropped; none of a store that cannot be written to.
+    _lock: Option<Lock>,
 }
 
 /// A store's lock, held until it is dropped. Who holds it stands in its file, and nobody's name is left there.
@@ -57,7 +59,10 @@ impl Drop for Lock {
 #[derive(Debug)]
 struct State {
     pack: File,
-    index: Index,
+    /// None of a store that is only looked at.
+    index: Option<Index>,
+    /// What was put into a store that is only looked at, which is gone with it.
+    unsaved: BTreeMap<Digest, Vec<u8>>,
     places: Places,
     /// End of the pack: where the next record goes.
     end: u64,
@@ -98,12 +103,46 @@ impl Store {
         opening.indexed_records =
             pieces.iter().filter(|piece| matches!(piece, Piece::Object { .. } | Piece::Memo { .. })).count();
         pieces.iter().for_each(|piece| places.add(piece));
-        let state = State { pack, index, places, end, pending: pieces };
-        let store = Store { dir: dir.to_path_buf(), state: Mutex::new(state), opening, _lock: lock };
+        let state = State { pack, index: Some(index), unsaved: BTreeMap::new(), places, end, pending: pieces };
+        let store = Store { dir: dir.to_path_buf(), state: Mutex::new(state), opening, _lock: Some(lock) };
         if store.opening != Opening::default() {
             store.flush()?;
         }
         Ok(store)
+    }
+
+    /// Opens the store of a finished run for who only looks. Where the folder can be written to, nobody else writes to it meanwhile;
+    /// where it cannot, nothing is locked or mended, and what is put is there until the store is dropped.
+    pub fn open_to_look(dir: &Path) -> Result<Store, StoreError> {
+        match take_lock_to_look(dir)? {
+            Some(lock) => {
+                drop(lock);
+                Store::open(dir)
+            }
+            None => Store::as_it_is(dir),
+        }
+    }
+
+    /// A store to which nothing is written, neither to its pack nor beside it.
+    fn as_it_is(dir: &Path) -> Result<Store, StoreError> {
+        let pack_path = dir.join(PACK);
+        no_device(&pack_path)?;
+        let io = |source| StoreError::io("open", &pack_path, source);
+        let pack = File::open(&pack_path).map_err(io)?;
+        let mut opening = Opening::default();
+        let index = Index::open_existing(&dir.join(INDEX), false).map_err(|error| error.to_string());
+        let mut places = index.and_then(|index| loaded(&index)).unwrap_or_else(|reason| {
+            opening.rebuilt_because = Some(reason);
+            Places::default()
+        });
+        let end = pack.metadata().map_err(io)?.len();
+        if places.indexed_to > end {
+            return Err(StoreError::corrupt(truncated(&pack_path, &places, end)));
+        }
+        let pieces = pack::scan(&pack, places.indexed_to, true).map_err(io)?;
+        pieces.iter().for_each(|piece| places.add(piece));
+        let state = State { pack, index: None, unsaved: BTreeMap::new(), places, end, pending: Vec::new() };
+        Ok(Store { dir: dir.to_path_buf(), state: Mutex::new(state), opening, _lock: None })
     }
 
     /// Its folder.
@@ -122,6 +161,9 @@ impl Store {
         let mut state = self.state();
         if !state.places.objects.contains_key(&digest) {
             let at = self.append(&mut state, &pack::record(false, &digest, bytes))?;
+            if state.index.is_none() {
+                state.unsaved.insert(digest, bytes.to_vec());
+            }
             state.take(Piece::Object { at, length: bytes.len() as u64, digest });
         }
         Ok(digest)
@@ -135,6 +177,9 @@ impl Store {
         let Some((at, length)) = state.places.objects.get(digest).copied() else {
             return Err(StoreError::Absent { path: self.dir.clone(), digest: *digest });
         };
+        if let Some(bytes) = state.unsaved.get(digest) {
+            return Ok(bytes.clone());
+        }
         let bytes = pack::read_at(&state.pack, at + HEADER, length);
         drop(state);
         let what = match bytes {
@@ -194,13 +239,13 @@ impl Store {
     pub fn flush(&self) -> Result<(), StoreError> {
         let mut state = self.state();
         let state = &mut *state;
+        let Some(index) = &mut state.index else { return Ok(()) };
         if state.pending.is_empty() {
             return Ok(()); // Nothing came since the last flush: a replay from the store waits for no disk.
         }
         state.pack.sync_data().map_err(|source| StoreError::io("sync", &self.dir.join(PACK), source))?;
         let fingerprint = state.places.fingerprint;
-        state
-            .index
+        index
             .add(&state.pending, state.end, fingerprint)
             .map_err(|error| index_error(&self.dir.join(INDEX), &error))?;
         state.places.indexed_to = state.end;
@@ -211,6 +256,9 @@ impl Store {
     /// Each record is one write. A write that fails half-way is undone.
     fn append(&self, state: &mut State, record: &[u8]) -> Result<u64, StoreError> {
         let at = state.end;
+        if state.index.is_none() {
+            return Ok(at);
+        }
         let written = state.pack.seek(SeekFrom::Start(at)).and_then(|_| state.pack.write_all(record));
         if let Err(source) = written {
             let _ = state.pack.set_len(at);
@@ -246,6 +294,12 @@ impl Drop for Store {
 pub(super) fn take_lock(dir: &Path) -> Result<Lock, StoreError> {
     let path = dir.join(LOCK);
     let io = |source| StoreError::io("lock", &path, source);
+    if path.exists() && !path.is_file() {
+        // It holds nothing that anybody misses.
+        let remedy = "remove it or move it away: the lock is made again";
+        let source = NoFile::error("a file", "a folder, a pipe or a device");
+        return Err(StoreError::Io { action: "lock", path, source, remedy });
+    }
     let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path).map_err(io)?;
     if let Err(error) = file::lock(&file, &path) {
         let mut holder = String::new();
@@ -278,16 +332,18 @@ pub(super) fn take_lock_to_look(dir: &Path) -> Result<Option<Lock>, StoreError> 
 
 fn load_index(path: &Path) -> Result<(Index, Places), String> {
     let index = Index::open(path).map_err(|error| error.to_string())?;
+    let places = loaded(&index)?;
+    Ok((index, places))
+}
+
+/// What a whole index says.
+fn loaded(index: &Index) -> Result<Places, String> {
     let problems = index.integrity().map_err(|error| error.to_string())?;
     if !problems.is_empty() {
         return Err(problems.join("; "));
     }
     let places = index.load()?;
-    if places.is_whole() {
-        Ok((index, places))
-    } else {
-        Err("its rows do not describe the pack without gaps".to_string())
-    }
+    if places.is_whole() { Ok(places) } else { Err("its rows do not describe the pack without gaps".to_string()) }
 }
 
 /// A fresh index in place of one that cannot be used.
@@ -307,7 +363,11 @@ fn index_error(path: &Path, error: &rusqlite::Error) -> StoreError {
     let source = match error.sqlite_error_code() {
         Some(rusqlite::ErrorCode::DiskFull) => std::io::ErrorKind::StorageFull.into(),
         Some(rusqlite::ErrorCode::ReadOnly) => std::io::ErrorKind::ReadOnlyFilesystem.into(),
-        _ => std::io::Error::other(error.to_string()),
+        _ => {
+            let (path, source) = (path.to_path_buf(), std::io::Error::other(error.to_string()));
+            let remedy = "check the disk and the limit of a file's size (`ulimit -f`), and repeat the command";
+            return StoreError::Io { action: "write", path, source, remedy };
+        }
     };
     StoreError::io("write", path, source)
 }
@@ -354,6 +414,42 @@ mod tests {
         assert_eq!(store.memo_get(MemoKind::Rollout, &key(1)), Some(empty));
         assert_eq!(store.memo_get(MemoKind::Llm, &key(2)), None);
         assert_eq!((store.memo_len(MemoKind::Llm), store.memo_len(MemoKind::Rollout)), (2, 1));
+    }
+
+    #[test]
+    fn a_store_that_cannot_be_written_to_is_read_keeps_what_is_put_in_memory_and_stays_as_it_is() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        let one = store.put(b"one").unwrap();
+        store.memo_put(MemoKind::Llm, &key(1), &one).unwrap();
+        drop(store);
+        // Behind the last flush a whole record and one that was cut off.
+        let two = Digest::of_bytes(b"two");
+        let whole = pack::record(false, &two, b"two");
+        let mut pack = OpenOptions::new().append(true).open(dir.path().join(PACK)).unwrap();
+        pack.write_all(&[&whole[..], &whole[..20]].concat()).unwrap();
+        let files = || {
+            let mut names: Vec<_> = fs::read_dir(dir.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
+            names.sort();
+            names.into_iter().map(|name| (fs::read(&name).unwrap(), name)).collect::<Vec<_>>()
+        };
+        for is_indexed in [true, false] {
+            if !is_indexed {
+                fs::remove_file(dir.path().join(INDEX)).unwrap();
+            }
+            let before = files();
+            let looked = Store::as_it_is(dir.path()).unwrap();
+            assert_eq!(looked.opening().rebuilt_because.is_none(), is_indexed);
+            assert_eq!((looked.get(&one).unwrap(), looked.get(&two).unwrap()), (b"one".to_vec(), b"two".to_vec()));
+            assert_eq!(looked.memo_get(MemoKind::Llm, &key(1)), Some(one));
+            let three = looked.put(b"three").unwrap();
+            looked.memo_put(MemoKind::Rollout, &key(2), &three).unwrap();
+            looked.flush().unwrap();
+            assert_eq!((looked.get(&three).unwrap(), looked.put(b"three").unwrap()), (b"three".to_vec(), three));
+            assert_eq!(looked.memo_get(MemoKind::Rollout, &key(2)), Some(three));
+            drop(looked);
+            assert!(files() == before, "nothing is written");
+        }
     }
 
     #[test]

@@ -243,7 +243,7 @@ mod tests {
         write_atomic(&at("marked/.evodrive-own"), b"somebody's").unwrap();
         for name in ["theirs", "empty", "file", "given", "marked"] {
             let error = OwnDir::open(&at(name), "id").unwrap_err();
-            assert!(error.is_of_the_place() && error.to_string().contains(name), "{error}");
+            assert!(error.to_string().contains(name), "{error}");
             assert!(OwnDir { dir: at(name), id: "id".into() }.remove().is_err() && at(name).exists(), "{name}");
         }
         OwnDir { dir: at("none"), id: "id".into() }.remove().unwrap();

@@ -8,7 +8,7 @@
 //! prints.
 
 use std::{
-    fs::{File, OpenOptions},
+    fs::{File, OpenOptions, TryLockError},
     io::{BufReader, Read, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
 };
@@ -139,17 +139,25 @@ impl Transcript {
         file::no_device(path)?;
         let mut file = OpenOptions::new().read(true).write(true).open(path).map_err(io)?;
         file::lock(&file, path)?;
-        let mut hashes = Vec::new();
-        let Walked { whole_bytes, damage, unfinished, sealed } =
-            walk(path, threads, &mut |event| hashes.push(event.hash))?;
-        if let Some(damage) = damage {
-            return Err(StoreError::corrupt(damage));
-        }
+        let (Walked { whole_bytes, unfinished, sealed, .. }, hashes) = whole(path, threads)?;
         file.set_len(whole_bytes).map_err(io)?;
         file.seek(SeekFrom::End(0)).map_err(io)?;
         if unfinished {
             file.write_all(b"\n").map_err(io)?;
         }
+        Ok(Transcript::at_start(path, file, hashes, sealed))
+    }
+
+    /// The same for who compares a finished run with itself: nothing is written or mended, so the file may be one that cannot be
+    /// written to.
+    pub fn compare_on(path: &Path, threads: Option<&Threads>) -> Result<Transcript, StoreError> {
+        file::no_device(path)?;
+        let file = File::open(path).map_err(|source| StoreError::io("open", path, source))?;
+        // Where nobody can lock a file to look at it nobody writes to it, either.
+        if let Err(TryLockError::WouldBlock) = file.try_lock_shared() {
+            return Err(StoreError::Locked { path: path.to_path_buf(), holder: "another process".into() });
+        }
+        let (Walked { sealed, .. }, hashes) = whole(path, threads)?;
         Ok(Transcript::at_start(path, file, hashes, sealed))
     }
 
@@ -242,6 +250,16 @@ pub fn read_events(path: &Path) -> Result<Vec<Event>, StoreError> {
 /// Empty if there is none.
 pub fn fsck_transcript(path: &Path) -> Result<Vec<Damage>, StoreError> {
     Ok(walk(path, None, &mut |_| ())?.damage.into_iter().collect())
+}
+
+/// A transcript without damage: what a walk through it found, and the hashes of its events.
+fn whole(path: &Path, threads: Option<&Threads>) -> Result<(Walked, Vec<Digest>), StoreError> {
+    let mut hashes = Vec::new();
+    let mut walked = walk(path, threads, &mut |event| hashes.push(event.hash))?;
+    match walked.damage.take() {
+        Some(damage) => Err(StoreError::corrupt(damage)),
+        None => Ok((walked, hashes)),
+    }
 }
 
 /// The recorded event at a place.

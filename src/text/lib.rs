@@ -1,4 +1,4 @@
-//! Comparisons of texts: the nearest known word for messages, and unified diffs for readers. Counts with their nouns.
+//! Comparisons of texts: the nearest known word for messages, and unified diffs for readers. Counts with their nouns, long texts cut.
 //!
 //! A crate of its own, for a short build: the library behind it chooses its method at run time and is generic in what it compares, so
 //! each crate that called it compiled all methods anew.
@@ -33,6 +33,17 @@ pub fn counted(count: usize, noun: &str) -> String {
     format!("{count} {noun}{ending}")
 }
 
+/// A text of at most about `bytes_max` bytes: of a longer one beginning and end, and between them how much is left out. What is to be
+/// done stands at the end of a message.
+pub fn cut(text: &str, bytes_max: usize) -> std::borrow::Cow<'_, str> {
+    if text.len() <= bytes_max {
+        return text.into();
+    }
+    let head = text.floor_char_boundary(bytes_max / 4 * 3);
+    let tail = text.ceil_char_boundary(text.len() - bytes_max / 4);
+    format!("{} [{} bytes are left out here] {}", &text[..head], tail - head, &text[tail..]).into()
+}
+
 /// A name of programs and files as words: `lane_change_cost` is `lane change cost`.
 pub fn in_words(name: &str) -> String {
     name.replace('_', " ")
@@ -63,6 +74,15 @@ mod tests {
     fn one_thing_stands_in_the_singular_and_any_other_number_of_them_does_not() {
         assert_eq!([0, 1, 2].map(|count| counted(count, "scene")), ["0 scenes", "1 scene", "2 scenes"]);
         assert_eq!(["patch", "epoch", "search"].map(|noun| counted(3, noun)), ["3 patches", "3 epochs", "3 searches"]);
+    }
+
+    #[test]
+    fn a_long_text_keeps_its_beginning_and_its_end_and_says_what_is_left_out() {
+        let text = format!("begin {} end", "\u{e9}".repeat(1_000_000));
+        let cut_text = cut(&text, 100);
+        assert!(cut_text.len() < 200 && cut_text.starts_with("begin ") && cut_text.ends_with(" end"), "{cut_text}");
+        assert!(cut_text.contains("[1999911 bytes are left out here]"), "{cut_text}");
+        assert_eq!(cut(&text, text.len()), text);
     }
 
     #[test]

@@ -14,14 +14,19 @@ use pyo3::prelude::*;
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
+/// A message as the program tells it: a name that was handed over may be without end.
+fn bounded(reason: &dyn std::fmt::Display) -> String {
+    evodrive::text::cut(&reason.to_string(), 16 << 10).into_owned()
+}
+
 /// Something that Python handed over cannot be used.
 fn refused(reason: impl std::fmt::Display) -> PyErr {
-    PyValueError::new_err(reason.to_string())
+    PyValueError::new_err(bounded(&reason))
 }
 
 /// Something broke that the caller could not have known.
 fn broken(reason: impl std::fmt::Display) -> PyErr {
-    PyRuntimeError::new_err(reason.to_string())
+    PyRuntimeError::new_err(bounded(&reason))
 }
 
 /// The compiled part of the package `evodrive`.

@@ -59,7 +59,7 @@ pub fn run(command: Command, jobs: usize) -> Result<Answer, Failure> {
 }
 
 fn sim(options: &SimOptions, jobs: usize) -> Result<Answer, Failure> {
-    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let threads = Threads::new(jobs)?;
     let (pool, reading) = timed(|| read_scenes(&options.pool, &threads));
     // Shared, not copied: a pool is in memory once.
     let scenes: Vec<Arc<Scene>> = pool?.scenes.into_iter().map(Arc::new).collect();

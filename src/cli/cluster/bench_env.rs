@@ -42,12 +42,12 @@ const PLAIN: f64 = 0.3;
 const SPEED_MPS: f32 = 8.0;
 
 pub fn run(options: &EnvOptions, jobs: usize) -> Result<Answer, Failure> {
-    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let threads = Threads::new(jobs)?;
     let tasks = tasks(&options.pool, &threads)?;
     if options.digest {
         return digests(options, &tasks, &threads);
     }
-    let one = Threads::new(1).map_err(Failure::internal)?;
+    let one = Threads::new(1)?;
     let (mut lines, mut rows) = (String::new(), Vec::new());
     for setting in Setting::ALL {
         let mut widths = vec![(1, &one), (options.places, &one)];

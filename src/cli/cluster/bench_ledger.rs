@@ -56,7 +56,7 @@ pub fn run(options: &LedgerOptions, jobs: usize) -> Result<Answer, Failure> {
 
 /// Records, reads and verified objects a second.
 fn store_speed(dir: &Path, count: usize, jobs: usize) -> Result<[f64; 3], Failure> {
-    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let threads = Threads::new(jobs)?;
     let bodies: Vec<Vec<u8>> = (0..count)
         .map(|i| {
             let seed = Digest::of_bytes(&(i as u64).to_le_bytes());

@@ -45,7 +45,7 @@ pub fn run(options: &ShardsOptions, jobs: usize) -> Result<Answer, Failure> {
     if options.folder.exists() {
         return Err(Failure::bad_input(format!("{} exists; name a folder that does not", options.folder.display())));
     }
-    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let threads = Threads::new(jobs)?;
     let (record, program) = one_record(options, &threads)?;
     let study = mark();
     let shards = options.folder.join("shards");

@@ -37,7 +37,7 @@ pub struct WorkOptions {
 }
 
 pub fn run(options: &WorkOptions, jobs: usize) -> Result<Answer, Failure> {
-    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let threads = Threads::new(jobs)?;
     let (mut written, mut tasks, mut without_label) = (Vec::new(), 0, 0);
     let mut site: Option<Site> = None;
     for path in &options.shards {

@@ -1,5 +1,6 @@
 //! The one place that starts processes: workers of a backend, spoken to by lines over their standard input and output, and
-//! programs that answer one request. What a worker writes on standard error is shown; of a program it is kept if it fails.
+//! programs that answer one request. What a worker writes on standard error is shown; of a program it is kept if it fails. All that they
+//! say there goes through `redacted`.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
@@ -46,13 +47,11 @@ impl Processes {
 
 impl Start for Processes {
     fn start(&self, command: &[String]) -> Result<Box<dyn Line>, String> {
-        self.spoken_to(command, |prepared| prepared)
+        self.spoken_to(command, true, |prepared| prepared)
     }
 
     fn start_in(&self, command: &[String], folder: &Path, variables: &[(&str, &str)]) -> Result<Box<dyn Line>, String> {
-        self.spoken_to(command, |prepared| {
-            prepared.current_dir(folder).stderr(Stdio::piped()).envs(variables.iter().copied())
-        })
+        self.spoken_to(command, false, |prepared| prepared.current_dir(folder).envs(variables.iter().copied()))
     }
 
     fn show(&self, about: &str, printed: &str) {
@@ -79,26 +78,29 @@ fn apart(program: &str) -> Command {
 }
 
 impl Processes {
-    /// Starts a process that is spoken to by lines; `how` says what else is to be prepared.
+    /// Starts a process that is spoken to by lines; `how` says what else is to be prepared, `shown` whether its standard error is shown
+    /// as it comes.
     fn spoken_to(
         &self,
         command: &[String],
+        shown: bool,
         how: impl FnOnce(&mut Command) -> &mut Command,
     ) -> Result<Box<dyn Line>, String> {
         let Some((program, arguments)) = command.split_first() else { return Err("an empty command".into()) };
         let mut prepared = apart(program);
-        how(prepared.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()));
+        how(prepared.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()));
         let mut child = prepared.spawn().map_err(|error| format!("`{program}` cannot be started: {error}"))?;
-        let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
-            return Err(format!("`{program}` has no standard input or output"));
+        let pipes = (child.stdin.take(), child.stdout.take(), child.stderr.take());
+        let (Some(input), Some(output), Some(errors)) = pipes else {
+            return Err(format!("`{program}` has no standard input, output or error"));
         };
         let (to, lines) = channel();
         let (sender, from) = sync_channel(LINES_AHEAD);
         let failed = |error: std::io::Error| format!("no thread for `{program}`: {error}");
-        let complaints = child.stderr.take().map(kept_end).transpose().map_err(failed)?;
+        let complaints = if shown { shown_lines(errors) } else { kept_end(errors) }.map_err(failed)?;
         threads::beside(move || write_lines(input, &lines)).map_err(failed)?;
         threads::beside(move || read_lines(output, &sender)).map_err(failed)?;
-        Ok(Box::new(Process { child, to, from, complaints, interrupt: self.interrupt.clone() }))
+        Ok(Box::new(Process { child, to, from, complaints, shown, interrupt: self.interrupt.clone() }))
     }
 }
 
@@ -109,10 +111,37 @@ fn kept_end(errors: ChildStderr) -> std::io::Result<Receiver<Vec<u8>>> {
     Ok(complaints)
 }
 
+/// Shows what a process writes on standard error, line by line, and of what goes beyond all measure its end. Nothing comes when it has
+/// closed it.
+fn shown_lines(errors: ChildStderr) -> std::io::Result<Receiver<Vec<u8>>> {
+    let (ended, end) = sync_channel(1);
+    threads::beside(move || {
+        let mut errors = BufReader::new(errors);
+        let show = |bytes: &[u8]| {
+            progress(redacted::redacted(String::from_utf8_lossy(bytes).trim_end_matches(['\n', '\r'])));
+        };
+        let (mut shown, mut line) = (0, Vec::new());
+        while shown < STDERR_SHOWN_BYTES {
+            line.clear();
+            match (&mut errors).take(STDERR_LINE_BYTES).read_until(b'\n', &mut line) {
+                Ok(count @ 1..) => shown += count,
+                _ => break,
+            }
+            show(&line);
+        }
+        let rest = read_end(errors);
+        if !rest.is_empty() {
+            show(&rest);
+        }
+        drop(ended.send(Vec::new()));
+    })?;
+    Ok(end)
+}
+
 /// Something that the process started may still hold the pipe, so this is not waited for long.
 fn last_complaint(complaints: &Receiver<Vec<u8>>) -> String {
-    let kept = complaints.recv_timeout(Duration::from_secs(1)).unwrap_or_default();
-    String::from_utf8_lossy(&kept).into_owned()
+    let kept = complaints.recv_timeout(LAST_WORDS).unwrap_or_default();
+    redacted::redacted(&String::from_utf8_lossy(&kept))
 }
 
 /// A running worker.
@@ -120,8 +149,9 @@ struct Process {
     child: Child,
     to: Sender<String>,
     from: Receiver<Result<Vec<u8>, Broken>>,
-    /// The end of its standard error, where that is kept.
-    complaints: Option<Receiver<Vec<u8>>>,
+    /// The end of its standard error; empty where that is shown.
+    complaints: Receiver<Vec<u8>>,
+    shown: bool,
     interrupt: Interrupt,
 }
 
@@ -146,7 +176,7 @@ impl Line for Process {
 
     fn complaint(&mut self) -> String {
         let _ = self.child.kill();
-        self.complaints.as_ref().map(last_complaint).unwrap_or_default()
+        last_complaint(&self.complaints)
     }
 }
 
@@ -155,6 +185,10 @@ impl Drop for Process {
         // It may have ended by itself; either way it is waited for, so that it leaves nothing behind.
         let _ = self.child.kill();
         let _ = self.child.wait();
+        if self.shown {
+            // Its last words come before whatever is said of its end.
+            let _ = self.complaints.recv_timeout(LAST_WORDS);
+        }
     }
 }
 
@@ -192,6 +226,11 @@ fn read_line(output: &mut impl BufRead) -> Result<Vec<u8>, Broken> {
 const OUTPUT_BYTES_MAX: usize = 1 << 20;
 /// Bytes of the end of its standard error that are kept.
 const STDERR_BYTES: usize = 4 << 10;
+/// Bytes of a line of standard error that are shown together, and of all of it that are shown as they come.
+const STDERR_LINE_BYTES: u64 = 16 << 10;
+const STDERR_SHOWN_BYTES: usize = 64 << 10;
+/// How long the end of standard error is waited for behind the end of its process.
+const LAST_WORDS: Duration = Duration::from_secs(1);
 /// How often a program that has closed its output is asked whether it has ended.
 const LOOK: Duration = Duration::from_millis(10);
 
@@ -296,13 +335,19 @@ pub fn in_terminal(command: &[String]) -> Result<(), String> {
     }
 }
 
-/// The end of what is read.
+/// The end of what is read, and before it how much is left out. It begins with a whole word: a part of a key would be known by nobody.
 fn read_end(mut from: impl Read) -> Vec<u8> {
-    let (mut kept, mut piece) = (Vec::new(), [0; 4096]);
+    let (mut kept, mut piece, mut left_out) = (Vec::new(), [0; 4096], 0);
     while let Ok(count @ 1..) = from.read(&mut piece) {
         kept.extend_from_slice(&piece[..count]);
         let over = kept.len().saturating_sub(STDERR_BYTES);
         kept.drain(..over);
+        left_out += over;
+    }
+    if left_out > 0 {
+        let word = kept.iter().position(u8::is_ascii_whitespace).unwrap_or_default();
+        kept.drain(..word);
+        kept.splice(..0, format!("[{} bytes are left out here]", left_out + word).into_bytes());
     }
     kept
 }
@@ -323,6 +368,13 @@ mod tests {
         let badly = Ended::Badly { code: Some(5), stderr: "no\n".into() };
         assert_eq!(shell("echo ignored; echo no >&2; exit 5", "", LONG), badly);
         assert!(matches!(Processes::default().run(&["/no/such/program".into()], vec![], LONG), Ended::Unstarted(_)));
+    }
+
+    #[test]
+    fn of_a_complaint_without_end_the_end_is_told_without_a_part_of_a_word() {
+        let long = "head -c 300000 /dev/zero | tr '\\0' a >&2; echo ' last words' >&2; exit 5";
+        let badly = Ended::Badly { code: Some(5), stderr: "[300000 bytes are left out here] last words\n".into() };
+        assert_eq!(shell(long, "", LONG), badly);
     }
 
     #[test]

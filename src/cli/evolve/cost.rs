@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::time::Duration;
 
 use crate::cli::records::folder::RunFolder;
-use crate::cli::terminal::exit::Failure;
+use crate::cli::terminal::{answer::progress, exit::Failure};
 use crate::epoch::{Study, Tools};
 use crate::evidence::aligned::Aligned;
 use crate::objects::{
@@ -49,24 +49,37 @@ pub fn of(study: &Study, tools: &Tools<'_>) -> RunCost {
 
 /// Keeps the cost in the folder. A run that found every rollout in the store leaves the file of the run that made them.
 pub fn keep(folder: &RunFolder, cost: &RunCost) -> Result<(), Failure> {
-    if cost.simulated == 0 && folder.cost().exists() {
-        return Ok(());
+    if cost.simulated == 0 {
+        match read(folder) {
+            Ok(None) => {}
+            Ok(Some(_)) => return Ok(()),
+            Err(why) => {
+                progress(format!("{why}; it is written anew, without what the rollouts cost that were recorded before"))
+            }
+        }
     }
     let text = serde_json::to_vec_pretty(cost).map_err(Failure::internal)?;
     Ok(store::write_atomic(&folder.cost(), &text)?)
 }
 
-/// The cost that the folder keeps, if it does.
-pub fn kept(folder: &RunFolder) -> Result<Option<RunCost>, Failure> {
+/// The cost that the folder keeps, if it does. Nothing rests on it: where it cannot be read that is said, and it is done without.
+pub fn kept(folder: &RunFolder) -> Option<RunCost> {
+    read(folder).unwrap_or_else(|why| {
+        progress(format!(
+            "{why}; it is done without what the run cost: remove the file, and `evodrive run` writes it again"
+        ));
+        None
+    })
+}
+
+fn read(folder: &RunFolder) -> Result<Option<RunCost>, String> {
     let path = folder.cost();
     if !path.exists() {
         return Ok(None);
     }
-    let bytes = store::read_bounded(&path, FILE_BYTES_MAX)?;
-    let cost: RunCost = serde_json::from_slice(&bytes).map_err(|error| {
-        Failure::corruption(format!("{}: {error}; remove it, it is written again by the next run", path.display()))
-    })?;
-    Ok(Some(cost))
+    let bytes = store::read_bounded(&path, FILE_BYTES_MAX).map_err(|error| error.to_string())?;
+    let cost = serde_json::from_slice(&bytes);
+    cost.map(Some).map_err(|error| format!("{}: expected what a run cost, found {error}", path.display()))
 }
 
 /// A line a lineage, the dearest first, and their sum. Tokens have a column where some were counted.
@@ -195,12 +208,17 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let folder = RunFolder { dir: dir.path().to_path_buf() };
         let cost = |simulated| RunCost { format: FORMAT.into(), threads: 1, simulated, reused: 0, lineages: vec![] };
-        assert_eq!(kept(&folder).unwrap(), None);
+        assert_eq!(kept(&folder), None);
         keep(&folder, &cost(9)).unwrap();
         keep(&folder, &cost(0)).unwrap();
-        assert_eq!(kept(&folder).unwrap(), Some(cost(9)));
+        assert_eq!(kept(&folder), Some(cost(9)));
         keep(&folder, &cost(3)).unwrap();
-        assert_eq!(kept(&folder).unwrap(), Some(cost(3)));
+        assert_eq!(kept(&folder), Some(cost(3)));
+        // One that cannot be read is done without, and written anew.
+        std::fs::write(folder.cost(), b"").unwrap();
+        assert_eq!(kept(&folder), None);
+        keep(&folder, &cost(0)).unwrap();
+        assert_eq!(kept(&folder), Some(cost(0)));
     }
 
     fn run(clock: Option<Clock<'_>>) -> (Digest, RunCost) {

@@ -155,6 +155,8 @@ pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
     // The working directory may be another one when an interrupted recording goes on.
     let cassette = std::path::absolute(&path).map_err(Failure::internal)?;
     let rollouts = behind::path(&job.experiment).map(std::path::absolute).transpose().map_err(Failure::internal)?;
+    // What was asked for is written at the end.
+    std::iter::once(&cassette).chain(&rollouts).try_for_each(|path| store::fits(path))?;
     let driver_folder = job.experiment.driver.as_ref().map(|driver| driver.folder().to_path_buf());
     let recording = Recording { cassette, fresh: args.fresh, overwrite: args.overwrite, rollouts, driver_folder };
     let before = overwriting::Held::before(&recording, &job.experiment, &job.scenes)?;
@@ -354,7 +356,13 @@ fn again(folder: RunFolder, jobs: usize, way: Way) -> Result<Answer, Failure> {
         return Err(interrupted(&folder));
     }
     let job = Job::of_folder(&folder, jobs)?;
-    let Held { folder, objects, .. } = Held::of(folder)?;
+    let (folder, objects) = match way.compares() {
+        true => (folder.clone(), Store::open_to_look(&folder.store())?),
+        false => {
+            let Held { folder, objects, .. } = Held::of(folder)?;
+            (folder, objects)
+        }
+    };
     if way.compares() {
         generated(&folder, &job.scenes).map_err(Failure::corruption)?;
     }
@@ -378,7 +386,7 @@ pub(in crate::cli) struct Job {
 impl Job {
     /// Everything that can be refused is refused here, before a file is created.
     pub fn new(args: &JobArgs, jobs: usize) -> Result<Job, Failure> {
-        let threads = Threads::new(jobs).map_err(Failure::internal)?;
+        let threads = Threads::new(jobs)?;
         let experiment = Experiment::read_under(&args.experiment, &args.set)?;
         let mut scenes = experiment.scenes(&args.scenes, &threads)?;
         tell_left_out(&scenes);
@@ -414,7 +422,7 @@ impl Job {
 
     /// From a run folder's own copies.
     pub fn of_folder(folder: &RunFolder, jobs: usize) -> Result<Job, Failure> {
-        let threads = Threads::new(jobs).map_err(Failure::internal)?;
+        let threads = Threads::new(jobs)?;
         let experiment = folder.read_experiment()?;
         let scenes = folder.read_pool()?;
         Ok(Job { experiment, scenes, threads, out: folder.dir.clone() })
@@ -537,7 +545,8 @@ fn stopped(folder: &RunFolder, way: Way) -> Failure {
 /// The transcript to write to, or to compare with.
 fn transcript(folder: &RunFolder, way: Way, threads: &Threads) -> Result<Transcript, Failure> {
     let path = folder.transcript();
-    let log = path.exists().then(|| Transcript::continue_on(&path, Some(threads))).transpose()?;
+    let open = if way.compares() { Transcript::compare_on } else { Transcript::continue_on };
+    let log = path.exists().then(|| open(&path, Some(threads))).transpose()?;
     if way.compares() && !log.as_ref().is_some_and(Transcript::is_recorded_whole) {
         return Err(Failure::corruption(format!(
             "{}: expected the sealed transcript of a finished run, found {}; nothing was compared. If the run was interrupted, `evodrive resume` finishes it; if it was finished before, its transcript has lost its end",

@@ -46,7 +46,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     }
     let folder = options.run.unfinished_or_latest()?;
     let interrupt = Interrupt::listen()?;
-    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let threads = Threads::new(jobs)?;
     let experiment = folder.read_experiment()?;
     let shown = folder.report();
     progress(format!("page: {}; it is kept up to date until the run is finished; Ctrl-C stops that", shown.display()));
@@ -99,7 +99,7 @@ fn look(
         return Ok(Some(run).filter(|run| run.result.is_some()));
     }
     let live = Live { epochs: experiment.budget.epochs, proposals: proposals(experiment), reload_s };
-    let cost = cost::kept(folder)?;
+    let cost = cost::kept(folder);
     let (selector, cost, words) = (&experiment.selector, cost.as_ref(), Words::default());
     let beside = Beside { selector, cost, credits: &[], agreement: None, others: &[], words: &words, live: Some(live) };
     store::write_atomic(&folder.report(), report::html(&run, &Stage::default(), &beside).as_bytes())?;

@@ -5,7 +5,7 @@ use serde_json::json;
 use std::path::PathBuf;
 
 use crate::cli::evolve::cost;
-use crate::cli::records::folder::{RunFolder, open_store};
+use crate::cli::records::folder::{RunFolder, open_store_to_look};
 use crate::cli::records::run_name::OneRun;
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
@@ -28,11 +28,11 @@ pub struct Options {
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let folder = options.run.folder()?;
     let run = folder.recorded()?;
-    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let threads = Threads::new(jobs)?;
     let wanted = records(&run);
     let rollouts = rollouts(&folder, &wanted, &threads)?;
     let lacking = wanted.len() - rollouts.len();
-    let tables = sheets(&run, &rollouts, cost::kept(&folder)?.as_ref());
+    let tables = sheets(&run, &rollouts, cost::kept(&folder).as_ref());
     // Checks come before creation: two runs' tables do not mix.
     tables.iter().flat_map(|table| files(options, table)).try_for_each(|path| options.output.may_be_made(&path))?;
     store::create_dir(&options.out)?;
@@ -67,7 +67,7 @@ pub fn rollouts(folder: &RunFolder, wanted: &[Digest], threads: &Threads) -> Res
     if !folder.store().exists() {
         return Ok(Vec::new());
     }
-    let objects = open_store(&folder.store())?;
+    let objects = open_store_to_look(&folder.store())?;
     let read = |record: &Digest| -> Result<Option<(Digest, Rollout)>, Failure> {
         if !objects.contains(record) {
             return Ok(None);

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::cli::records::folder::RunFolder;
-use crate::cli::terminal::exit::Failure;
+use crate::cli::terminal::{answer::progress, exit::Failure};
 use crate::evidence::RecordedRun;
 use crate::evidence::credit::Credit;
 use crate::kernel::Digest;
@@ -32,7 +32,7 @@ fn digest(credits: &[Credit]) -> Result<Digest, CanonError> {
 /// What the folder keeps of this run; nothing where it was worked out of another one, or not at all.
 ///
 /// # Errors
-/// A file that is damaged or was changed.
+/// A file whose numbers were changed. One that cannot be read is told, and done without: nothing rests on it.
 pub fn kept(folder: &RunFolder, run: &RecordedRun) -> Result<Vec<Credit>, Failure> {
     let path = folder.credit();
     if !path.exists() {
@@ -43,7 +43,13 @@ pub fn kept(folder: &RunFolder, run: &RecordedRun) -> Result<Vec<Credit>, Failur
         Failure::corruption(format!("{}: {what}; {remedy}", path.display()))
     };
     let bytes = store::read_bounded(&path, BYTES_MAX)?;
-    let kept: Kept = serde_json::from_slice(&bytes).map_err(|error| damaged(error.to_string()))?;
+    let kept: Kept = match serde_json::from_slice(&bytes) {
+        Ok(kept) => kept,
+        Err(error) => {
+            progress(damaged(format!("expected credits, found {error}; it is done without them")).message);
+            return Ok(Vec::new());
+        }
+    };
     if kept.format != FORMAT {
         return Err(damaged(format!("format: expected {FORMAT}, found {}", kept.format)));
     }

@@ -32,7 +32,7 @@ pub fn write(
     let player = Player::of(study, &run.counsels, backend);
     let gained = manoeuvres::of(&player, run, threads);
     let playables = Stage { gained, ..playables::choose(&player, run, threads) };
-    let cost = cost::kept(folder)?;
+    let cost = cost::kept(folder);
     let credits = kept_credit::kept(folder, run)?;
     let words = program_words::of(study, run);
     let (selector, cost) = (&study.selector, cost.as_ref());

@@ -33,7 +33,7 @@ pub struct Options {
 /// Simulates the played rollouts again (they are deterministic), so a report needs no stored motion.
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let folder = options.run.folder()?;
-    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let threads = Threads::new(jobs)?;
     let experiment = folder.read_experiment()?;
     let study = experiment.study(folder.read_pool()?, &threads)?;
     let replay = behind::replay_of(&experiment, &folder)?;

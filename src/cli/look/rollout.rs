@@ -78,7 +78,7 @@ pub fn of_attempt(run: &OneRun, attempt: &str, scenes: &[String], jobs: usize) -
     let folder = run.folder()?;
     let recorded_run = folder.recorded()?;
     let subject = Subject::of(&recorded_run, attempt)?;
-    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let threads = Threads::new(jobs)?;
     let experiment = folder.read_experiment()?;
     let study = experiment.study(folder.read_pool()?, &threads)?;
     let replay = behind::replay_of(&experiment, &folder)?;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use crate::adapters::ADAPTER_VERSION;
 use crate::bundle::{self, About, BundleError, Manifest, Part, Signer, Source, Version};
-use crate::cli::records::folder::{RunFolder, open_store};
+use crate::cli::records::folder::{RunFolder, open_store, open_store_to_look};
 use crate::cli::records::{bundle_replay, covered::coverage, run_name::OneRun};
 use crate::cli::terminal::answer::Answer;
 use crate::cli::terminal::exit::{Exit, Failure};
@@ -133,7 +133,7 @@ fn create(options: &CreateOptions) -> Result<Answer, Failure> {
         return Err(Failure::corruption(damage));
     }
     options.output.may_be_made(&options.out)?;
-    let objects = open_store(&folder.store())?;
+    let objects = open_store_to_look(&folder.store())?;
     let known = crate::objects::event::Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION };
     if run.opened.versions != known {
         return Err(Failure::bad_input(

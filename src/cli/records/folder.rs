@@ -402,8 +402,16 @@ fn names_a_run(path: &Path) -> bool {
 
 /// Opens a store; that its disk lacks locks is told once.
 pub fn open_store(dir: &Path) -> Result<Store, StoreError> {
+    Ok(told(dir, Store::open(dir)?))
+}
+
+/// The same for who only looks at a finished run.
+pub fn open_store_to_look(dir: &Path) -> Result<Store, StoreError> {
+    Ok(told(dir, Store::open_to_look(dir)?))
+}
+
+fn told(dir: &Path, store: Store) -> Store {
     static TOLD: std::sync::Once = std::sync::Once::new();
-    let store = Store::open(dir)?;
     if store.opening().without_index_locks {
         TOLD.call_once(|| {
             progress(format!(
@@ -413,7 +421,7 @@ pub fn open_store(dir: &Path) -> Result<Store, StoreError> {
             ))
         });
     }
-    Ok(store)
+    store
 }
 
 /// Files of a folder with an ending, in order; none where there is no folder.

@@ -2,10 +2,12 @@
 
 /// What stands in place of a key.
 const KEY: &str = "[key]";
-/// A value of the environment shorter than this is no key.
+/// A value of the environment shorter than this is a key only as a whole word, or behind its name.
 const SECRET_CHARS: usize = 8;
+/// A value shorter than this is no key.
+const SECRET_CHARS_MIN: usize = 4;
 /// Parts of names of variables that hold keys.
-const SECRET_NAMES: [&str; 5] = ["KEY", "TOKEN", "SECRET", "PASSWORD", "CREDENTIAL"];
+const SECRET_NAMES: [&str; 6] = ["KEY", "TOKEN", "SECRET", "PASSWORD", "PASSWD", "CREDENTIAL"];
 /// How keys of common providers begin.
 const OPENINGS: [&str; 9] = ["sk-", "sk_", "gsk_", "hf_", "ghp_", "github_pat_", "xai-", "AKIA", "AIza"];
 /// Folders that hold homes.
@@ -21,10 +23,13 @@ pub fn redacted(text: &str) -> String {
 
 fn redacted_with(text: &str, environment: &[(String, String)]) -> String {
     let mut text = text.to_string();
+    let mut short = Vec::new();
     for (name, value) in environment {
         let upper = name.to_uppercase();
         if value.len() >= SECRET_CHARS && SECRET_NAMES.iter().any(|part| upper.contains(part)) {
             text = text.replace(value.as_str(), KEY);
+        } else if value.len() >= SECRET_CHARS_MIN && names_key(name) {
+            short.push(value.as_str());
         } else if name == "HOME" && value.len() > 1 {
             text = text.replace(value.as_str(), "~");
         }
@@ -32,7 +37,23 @@ fn redacted_with(text: &str, environment: &[(String, String)]) -> String {
     for home in HOMES {
         text = without_user(&text, home);
     }
-    text.split_inclusive(ends_word).map(without_key).collect()
+    let (mut out, mut is_named) = (String::with_capacity(text.len()), false);
+    for word in text.split_inclusive(ends_word) {
+        let bare = word.trim_end_matches(ends_word);
+        match short.contains(&bare) || is_named && bare.len() >= SECRET_CHARS_MIN && bare != KEY {
+            true => out.extend([KEY, &word[bare.len()..]]),
+            false => out.push_str(&without_key(word)),
+        }
+        is_named = word.ends_with('=') && names_key(bare) || is_named && matches!(word, "\"" | "'");
+    }
+    out
+}
+
+/// Whether this is the name of a key, as `API_KEY`: `max_tokens` is none.
+fn names_key(name: &str) -> bool {
+    name.split(|c: char| !c.is_ascii_alphanumeric()).any(|part| {
+        SECRET_NAMES.iter().any(|secret| part.eq_ignore_ascii_case(secret)) || part.eq_ignore_ascii_case("apikey")
+    })
 }
 
 fn ends_word(c: char) -> bool {
@@ -77,6 +98,12 @@ mod tests {
         assert_eq!(
             redacted_text,
             "File \"~/runs/mine.py\", line 3\n key [key] in ~/x; [key], C.UTF-8-long, a risk-averse one"
+        );
+        // A key behind its name, whoever set it, and a short one as a whole word.
+        let short = [("DB_PASSWORD", "hunter2")].map(|(n, v)| (n.into(), v.into()));
+        assert_eq!(
+            redacted_with("API_KEY=abcd1 my-token='xyz12' max_tokens=25600 hunter2 hunter22 KeyError: 'speed'", &short),
+            "API_KEY=[key] my-token='[key]' max_tokens=25600 [key] hunter22 KeyError: 'speed'"
         );
         assert_eq!(redacted_with("token=ghp_0123456789 C:\\Users\\eve\\x", &[]), "token=[key] C:~\\x");
     }

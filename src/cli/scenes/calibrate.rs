@@ -32,7 +32,7 @@ pub struct Options {
 }
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
-    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let threads = Threads::new(jobs)?;
     let (mut all, mut digests, mut scenes): (Vec<Observed>, _, _) = (Vec::new(), Vec::new(), 0);
     for path in &options.pools {
         let pool = experiment::read_scenes(std::slice::from_ref(path), &threads)?;

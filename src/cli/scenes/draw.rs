@@ -179,7 +179,7 @@ fn drawn_film(options: &Options, kind: Kind, drawing: &Drawing, title: String, j
         steps: (from..=end).collect(),
         title: title.clone(),
     };
-    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let threads = Threads::new(jobs)?;
     let film = film(drawing, &film_of, &threads).map_err(Failure::bad_input)?;
     if kind == Kind::Gif {
         let delay_cs = (100.0 * drawing.dt_s).round() as u16;

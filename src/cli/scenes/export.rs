@@ -89,7 +89,7 @@ struct Row {
 pub fn run(options: &Options, threads: usize) -> Result<Answer, Failure> {
     let chosen = chosen(options, threads)?;
     let mut exports = Exports::new(options.format, &options.out, options.output);
-    exports.write(chosen, &Threads::new(threads).map_err(Failure::internal)?)?;
+    exports.write(chosen, &Threads::new(threads)?)?;
     exports.some()?;
     let text =
         format!("{}{} in {}\n", exports.left_out_text(), counted(exports.written(), "scene"), options.out.display());

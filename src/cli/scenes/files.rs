@@ -34,7 +34,7 @@ pub fn read(paths: &[PathBuf], jobs: usize) -> Result<Pool, Failure> {
 }
 
 pub fn threads(jobs: usize) -> Result<Threads, Failure> {
-    Threads::new(jobs).map_err(Failure::internal)
+    Ok(Threads::new(jobs)?)
 }
 
 /// Scenes of a pool just written that are listed one by one.

@@ -42,7 +42,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     if let Some(Command::Init(options)) = &options.command {
         return agree_init::run(options, jobs);
     }
-    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let threads = Threads::new(jobs)?;
     let [first, second] = options.runs.named()?;
     let agreed = agreement(first, second, &threads)?;
     Ok(Answer::new(text(&agreed), json!(agreed)))

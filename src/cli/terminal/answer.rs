@@ -1,10 +1,10 @@
 //! What a command prints: text for people, or one JSON object for programs; progress goes to stderr.
 
 use serde_json::{Value, json};
-use std::borrow::Cow;
 use std::io::Write;
 
 use crate::cli::terminal::exit::{Exit, Failure};
+use crate::cli::terminal::outside::{bounded, escaped, json_escaped};
 use crate::cli::terminal::width::{stderr_width, stdout_width, wrapped};
 
 /// The result of a command.
@@ -34,9 +34,9 @@ impl Answer {
             return self.exit;
         }
         let text = match stdout_width() {
-            _ if as_json => format!("{}\n", self.json),
-            Some(width) if !self.exact => ended_with_newline(&wrapped(&without_controls(&self.text), width)),
-            _ => ended_with_newline(&without_controls(&self.text)),
+            _ if as_json => format!("{}\n", json_escaped(&self.json.to_string())),
+            Some(width) if !self.exact => ended_with_newline(&wrapped(&escaped(&self.text), width)),
+            _ => ended_with_newline(&escaped(&self.text)),
         };
         let mut stdout = std::io::stdout();
         match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
@@ -55,27 +55,17 @@ impl Answer {
 pub fn complain(failure: &Failure, as_json: bool) {
     progress(format_args!("error: {}", failure.message));
     if as_json {
-        let object = json!({"error": failure.message, "exit": failure.exit as u8});
-        let _ = writeln!(std::io::stdout(), "{object}");
+        let object = json!({"error": failure.message, "exit": failure.exit as u8}).to_string();
+        let _ = writeln!(std::io::stdout(), "{}", json_escaped(&object));
     }
 }
 
 /// One line of progress on stderr, in several where a terminal is narrower.
 pub fn progress(line: impl std::fmt::Display) {
     let text = line.to_string();
-    let text = without_controls(&text);
-    let text = stderr_width().map_or_else(|| text.to_string(), |width| wrapped(&text, width));
+    let text = escaped(&bounded(&text)).into_owned();
+    let text = stderr_width().map_or_else(|| text.clone(), |width| wrapped(&text, width));
     let _ = writeln!(std::io::stderr(), "{text}");
-}
-
-/// A text for a terminal: what a model or a file wrote must not move its cursor or change its title.
-fn without_controls(text: &str) -> Cow<'_, str> {
-    let acts = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
-    if !text.contains(acts) {
-        return Cow::Borrowed(text);
-    }
-    let shown = |c: char| if acts(c) { c.escape_unicode().to_string() } else { c.to_string() };
-    Cow::Owned(text.chars().map(shown).collect())
 }
 
 fn ended_with_newline(text: &str) -> String {

@@ -2,6 +2,8 @@
 
 use std::process::ExitCode;
 
+use crate::cli::terminal::outside::bounded;
+
 /// How a command ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
@@ -41,7 +43,7 @@ pub struct Failure {
 
 impl Failure {
     fn of(exit: Exit, message: &dyn std::fmt::Display) -> Failure {
-        Failure { exit, message: message.to_string(), is_planners: false }
+        Failure { exit, message: bounded(&message.to_string()).into_owned(), is_planners: false }
     }
 
     pub fn bad_input(message: impl std::fmt::Display) -> Failure {

@@ -2,10 +2,12 @@
 
 use crate::agents::AgentError;
 use crate::backend::{BackendError, RolloutCassetteError};
+use crate::cli::records::redacted::redacted;
 use crate::cli::terminal::exit::Failure;
 use crate::epoch::RunError;
 use crate::evaluation::{CacheError, EvaluationError};
 use crate::experiment::{ExperimentError, ProgramFileError};
+use crate::kernel::threads::ThreadsError;
 use crate::llm::{AskError, CassetteError};
 use crate::shard::ShardError;
 use crate::store::StoreError;
@@ -20,14 +22,24 @@ fn of_store(error: &StoreError) -> Failure {
     match error {
         StoreError::Corrupt(_) => Failure::corruption(error),
         StoreError::Divergence(_) | StoreError::Conflict { .. } => Failure::divergence(error),
-        of_the_place if of_the_place.is_of_the_place() => Failure::bad_input(error),
-        StoreError::TooLarge { .. }
+        // Whatever the disk refuses it refuses at a place that somebody chose, and it is named.
+        StoreError::Io { .. }
+        | StoreError::TooLarge { .. }
         | StoreError::Locked { .. }
         | StoreError::NoLocks { .. }
         | StoreError::Foreign { .. }
         | StoreError::Sealed { .. } => Failure::bad_input(error),
         StoreError::Absent { .. } => Failure::corruption(error),
-        StoreError::Io { .. } | StoreError::Unstorable { .. } => Failure::internal(error),
+        StoreError::Unstorable { .. } => Failure::internal(error),
+    }
+}
+
+impl From<ThreadsError> for Failure {
+    fn from(error: ThreadsError) -> Failure {
+        match error {
+            ThreadsError::TooMany(_) => Failure::bad_input(error),
+            ThreadsError::Unstarted { .. } => Failure::internal(error),
+        }
     }
 }
 
@@ -104,9 +116,11 @@ impl From<ShardError> for Failure {
 fn of_backend(error: &BackendError) -> Failure {
     match error {
         BackendError::Miss(_) => Failure::miss(error),
-        BackendError::Worker(_) | BackendError::Unplayable(_) => Failure::bad_input(error),
+        BackendError::Unplayable(_) => Failure::bad_input(error),
         BackendError::Untrue(_) => Failure::divergence(error),
-        BackendError::Planner(_) => Failure { is_planners: true, ..Failure::bad_input(error) },
+        // A process may have said anything in place of what was expected.
+        BackendError::Worker(_) => Failure::bad_input(redacted(&error.to_string())),
+        BackendError::Planner(_) => Failure { is_planners: true, ..Failure::bad_input(redacted(&error.to_string())) },
         BackendError::Cassette(cassette) => of_rollouts(cassette),
         BackendError::Store(store) => of_store(store),
         BackendError::Key(_) => Failure::internal(error),

@@ -1,4 +1,4 @@
-//! Ctrl-C. No other file handles signals. After the first Ctrl-C, work in progress is finished and kept, no new work begins, and the
+//! Ctrl-C, and the limit of a file's size. No other file handles signals. After the first Ctrl-C, work in progress is finished and kept, no new work begins, and the
 //! command ends with exit code 130. A reply or a planner's decision that is awaited has a few seconds left. The second one ends the
 //! program at once; records on disk survive that.
 
@@ -94,6 +94,21 @@ impl Interrupt {
             self.overdue.store(true, Ordering::SeqCst);
         }
     }
+}
+
+/// Makes a write beyond the limit of a file's size (`ulimit -f`) an error, which names the file, and not the program's end.
+///
+/// # Errors
+/// The system gives no handler.
+#[cfg(unix)]
+pub fn outlive_file_limits() -> std::io::Result<()> {
+    signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).map(drop)
+}
+
+/// Elsewhere there is no such signal.
+#[cfg(not(unix))]
+pub fn outlive_file_limits() -> std::io::Result<()> {
+    Ok(())
 }
 
 /// The clock, for time limits.

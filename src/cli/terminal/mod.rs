@@ -9,6 +9,7 @@ pub mod groups;
 pub mod interrupt;
 pub mod moving_line;
 pub mod output;
+pub mod outside;
 pub mod result_text;
 pub mod shell;
 pub mod timed;

@@ -9,6 +9,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::cli::terminal::outside::escaped;
 use crate::cli::terminal::width::{USUAL, stderr_width};
 use crate::cli::terminal::{answer::progress, result_text, timed::timed};
 use crate::epoch::{Progress, Study};
@@ -92,7 +93,7 @@ impl MovingLine {
     /// What the moving line says, cut to the terminal.
     fn words(&self, news: &[&str]) -> String {
         let room = stderr_width().unwrap_or(USUAL).saturating_sub(BAR);
-        words(&self.standing(), &self.place, news, room)
+        escaped(&words(&self.standing(), &self.place, news, room)).into_owned()
     }
 
     fn standing(&self) -> Standing {

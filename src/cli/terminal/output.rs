@@ -69,6 +69,7 @@ impl Output {
                 path.display()
             )))
         };
+        store::fits(path)?;
         if is_own(path) {
             return refused("a place of a run's own files", "name another file");
         }

@@ -3,12 +3,37 @@
 use std::ffi::OsString;
 use std::path::Path;
 
+use crate::cli::terminal::exit::Failure;
 use crate::cli::terminal::shell::quoted;
 
 /// The command that was typed, with every option, and another command in its place: what records what a `run` lacks, or runs what a
 /// `plan` looked at. `cassette` is the file that it takes where none was typed.
 pub fn instead(of: &str, command: &str, cassette: Option<&Path>) -> String {
     in_place(std::env::args_os(), of, command, cassette)
+}
+
+/// Refuses what is no text before anything is done: names of files are told, kept in records and proposed in commands.
+///
+/// # Errors
+/// An argument, or the folder in which the program was called, whose bytes are no UTF-8.
+pub fn in_utf8(words: &[OsString]) -> Result<(), Failure> {
+    let odd = |what: String, found: &std::ffi::OsStr| {
+        let remedy = "give the file or folder a name in UTF-8 (mv), and repeat the command";
+        Err(Failure::bad_input(format!("{what}: expected UTF-8, found {found:?}; {remedy}")))
+    };
+    if let Some(place) = words.iter().skip(1).position(|word| word.to_str().is_none()) {
+        return odd(format!("argument {}", place + 1), &words[place + 1]);
+    }
+    match here() {
+        Some(folder) if folder.to_str().is_none() => odd("the folder of the command".into(), folder.as_os_str()),
+        _ => Ok(()),
+    }
+}
+
+/// The folder in which the program was called, where it can be told.
+#[allow(clippy::disallowed_methods)]
+fn here() -> Option<std::path::PathBuf> {
+    std::env::current_dir().ok()
 }
 
 /// How this program was called.
@@ -55,6 +80,22 @@ fn in_place(typed: impl Iterator<Item = OsString>, of: &str, command: &str, cass
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn an_argument_that_is_no_text_is_refused_with_its_place() {
+        use std::os::unix::ffi::OsStringExt;
+        let typed = |last: &[u8]| {
+            ["evodrive", "run"].iter().map(OsString::from).chain([OsString::from_vec(last.into())]).collect::<Vec<_>>()
+        };
+        assert!(in_utf8(&typed("\u{e9}.toml".as_bytes())).is_ok());
+        let refused = in_utf8(&typed(b"caf\xe9.toml")).unwrap_err();
+        assert!(
+            refused.message.starts_with("argument 2: expected UTF-8, found \"caf\\xE9.toml\"; "),
+            "{}",
+            refused.message
+        );
+    }
 
     #[test]
     fn the_proposed_command_has_every_word_that_was_typed_and_survives_a_shell() {

@@ -13,10 +13,10 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use evodrive::agents::reply;
-use evodrive::backend::RolloutCassette;
+use evodrive::backend::{RolloutCassette, serve};
 use evodrive::bundle;
 use evodrive::ego::Policy;
-use evodrive::experiment::ProgramFile;
+use evodrive::experiment::{Experiment, ProgramFile};
 use evodrive::formats::import_files;
 use evodrive::kernel::{Digest, Formula};
 use evodrive::llm::Cassette;
@@ -24,7 +24,7 @@ use evodrive::objects::Role;
 use evodrive::objects::expr::Expr;
 use evodrive::scene::pool;
 use evodrive::shard::Shard;
-use evodrive::sim::Law;
+use evodrive::sim::{Law, Plant};
 use evodrive::store;
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -148,6 +148,12 @@ fn make_targets() -> Vec<Target> {
         Target { name: "transcript", seeds: vec![of_bundle("transcript.jsonl")], read: read_transcript },
         Target { name: "bundle", seeds: vec![file(BUNDLE)], read: read_bundle },
         Target { name: "pack", seeds: vec![of_bundle("store/objects.pack")], read: read_pack },
+        Target { name: "worker request", seeds: vec![request()], read: |bytes| drop(serve(bytes)) },
+        Target {
+            name: "experiment",
+            seeds: ["quickstart", "own_ego", "live_example"].map(experiment).to_vec(),
+            read: |bytes| as_file("seed.toml", bytes, |path| drop(Experiment::read(path))),
+        },
         Target { name: "weights", seeds: vec![weights()], read: |bytes| drop(Policy::learned(bytes)) },
     ]
 }
@@ -249,6 +255,27 @@ fn pooled() -> Vec<u8> {
     let imported = import_files(&[("seed.xml", file("tests/fixtures/commonroad/two_lanes_2018b.xml"))]);
     assert!(!imported.scenes.is_empty());
     pool::encode(&pool::Pool::new(imported.scenes, Vec::new()).unwrap())
+}
+
+/// A request to a worker.
+fn request() -> Vec<u8> {
+    let scene = pool::decode("seed.pool", &pooled()).unwrap().scenes.swap_remove(0);
+    let plant = Plant::new(&scene).unwrap();
+    let (first_step, steps) = (plant.first_step(), plant.steps());
+    json!({
+        "request": Digest::of_bytes(b""), "scene": scene, "first_step": first_step, "steps": steps, "ego": "idm", "seed": 7,
+        "adversaries": [], "options": {"plant": "physical"},
+    })
+    .to_string()
+    .into_bytes()
+}
+
+/// An experiment of this repository.
+fn experiment(name: &str) -> Vec<u8> {
+    match name {
+        "own_ego" => file("examples/own_ego/idm.toml"),
+        name => file(&format!("experiments/{name}.toml")),
+    }
 }
 
 /// The frame of a file of weights.
@@ -447,6 +474,8 @@ fuzzed! {
     a_changed_transcript_is_read_or_refused: "transcript",
     a_changed_bundle_is_read_or_refused: "bundle",
     a_changed_pack_is_read_or_refused: "pack",
+    a_changed_worker_request_is_answered_or_refused: "worker request",
+    a_changed_experiment_is_read_or_refused: "experiment",
     changed_weights_are_read_or_refused: "weights",
 }
 
@@ -455,13 +484,14 @@ type IsRead = fn(&[u8]) -> bool;
 
 #[test]
 fn every_seed_is_read_as_it_is() {
-    let whole: [(&str, IsRead); 6] = [
+    let whole: [(&str, IsRead); 7] = [
         ("cassette", |bytes| Cassette::parse(bytes, "seed").is_ok()),
         ("patch", |bytes| reply::patch(bytes, Role::Actor).is_ok()),
         ("expression", |bytes| Expr::parse(std::str::from_utf8(bytes).unwrap()).is_ok()),
         ("law", |bytes| serde_json::from_slice::<Law>(bytes).is_ok()),
         ("scene", |bytes| !import_files(&[("seed", bytes)]).scenes.is_empty()),
         ("pool", |bytes| pool::decode("seed", bytes).is_ok()),
+        ("worker request", |bytes| serve(bytes).is_ok_and(|said| String::from_utf8_lossy(&said).contains("\"ego\""))),
     ];
     for (name, is_read) in whole {
         let target = targets().iter().find(|target| target.name == name).unwrap();

@@ -21,6 +21,7 @@ mod damage;
 mod data;
 mod derived_names;
 mod downstream;
+mod entrances;
 mod episodes;
 mod evaluation;
 mod evolving;

@@ -17,18 +17,31 @@ const FULL_STEER_RAD: f64 = 70.0 * num::PI / 180.0;
 /// CARLA's brake of an action -1, as a deceleration: 3/8 of full brakes of about 0.9 g, m/s².
 const BRAKE_MPS2: f64 = 0.375 * 0.9 * 9.81;
 
-/// Lateral distance (positive to the left of the route), minus the turn away from it, speed, vehicle in front.
+/// Distance from the route's line (positive to its left), turn from the route's heading (positive to the left), speed, and
+/// whether a vehicle is ahead in the ego's lane. SafeBench writes the second number as minus the turn in CARLA's frame, which is
+/// left-handed: that is plus in ours.
 pub fn observe(view: &View<'_>, out: &mut Vec<f32>) {
+    let (offset_m, turn_rad) = beside_waypoint(view);
+    let front = view.is_behind_vehicle_in_lane(FRONT_M);
+    out.extend([offset_m, turn_rad, view.ego().speed_mps, f64::from(front)].map(|x| x as f32));
+}
+
+/// What `safebench-1` has in its place: the turn with the other sign, and whether anybody at all is ahead on the route.
+pub fn observe_first(view: &View<'_>, out: &mut Vec<f32>) {
+    let (offset_m, turn_rad) = beside_waypoint(view);
+    let front = view.front().is_some_and(|front| front.gap_m < FRONT_M);
+    out.extend([offset_m, -turn_rad, view.ego().speed_mps, f64::from(front)].map(|x| x as f32));
+}
+
+/// Offset of the ego from the line through the waypoint, metres, and its turn from that line, radians; both positive to the left.
+fn beside_waypoint(view: &View<'_>) -> (f64, f64) {
     let (ego, route) = (view.ego(), view.route());
     let s_m = ego.along.s_m + WAYPOINT_M;
     let (point, heading_rad) = (route.at(s_m, ego.along.segment), route.heading_at(s_m, ego.along.segment));
     let (sine, cosine) = num::sin_cos(heading_rad);
     let delta = ego.sample.position - point;
     let turn = cosine * ego.axis.y - sine * ego.axis.x;
-    let front = view.front().is_some_and(|front| front.gap_m < FRONT_M);
-    let values =
-        [cosine * delta.y - sine * delta.x, -num::asin(turn.clamp(-1.0, 1.0)), ego.speed_mps, f64::from(front)];
-    out.extend(values.map(|x| x as f32));
+    (cosine * delta.y - sine * delta.x, num::asin(turn.clamp(-1.0, 1.0)))
 }
 
 /// Lowest and highest value of each number: offset and speed have none.

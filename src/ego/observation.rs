@@ -1,4 +1,4 @@
-//! What a learned driver sees and does, in the two settings of the paper. `docs/EGOS.md` lists every number. A change of
+//! What a learned driver sees and does, in the settings of the paper. `docs/EGOS.md` lists every number. A change of
 //! any number is another [`Setting`]: weights name the one that they were trained with.
 
 use std::sync::LazyLock;
@@ -15,9 +15,13 @@ pub enum Setting {
     /// MetaDrive's `ScenarioEnv`: ego state, navigation, distances to road edge and road users.
     #[serde(rename = "metadrive-1")]
     Metadrive1,
-    /// SafeBench's four numbers.
+    /// SafeBench's four numbers, the second with the wrong sign, the fourth of anybody on the route: what the weights `sac-safebench`
+    /// were trained with.
     #[serde(rename = "safebench-1")]
     Safebench1,
+    /// SafeBench's four numbers.
+    #[serde(rename = "safebench-2")]
+    Safebench2,
 }
 
 /// Numbers in an action: steering and acceleration, both in [-1, 1].
@@ -41,13 +45,14 @@ const MOST: f64 = 3.0;
 
 impl Setting {
     /// All settings.
-    pub const ALL: [Setting; 2] = [Setting::Metadrive1, Setting::Safebench1];
+    pub const ALL: [Setting; 3] = [Setting::Metadrive1, Setting::Safebench1, Setting::Safebench2];
 
     /// The name in weight files and training files.
     pub fn name(self) -> &'static str {
         match self {
             Setting::Metadrive1 => "metadrive-1",
             Setting::Safebench1 => "safebench-1",
+            Setting::Safebench2 => "safebench-2",
         }
     }
 
@@ -55,7 +60,7 @@ impl Setting {
     pub fn length(self) -> usize {
         match self {
             Setting::Metadrive1 => EGO + 2 * ROUTE_M.len() + EDGE_RAYS + LIDAR_RAYS + OTHERS * EACH,
-            Setting::Safebench1 => four_numbers::LENGTH,
+            Setting::Safebench1 | Setting::Safebench2 => four_numbers::LENGTH,
         }
     }
 
@@ -63,7 +68,7 @@ impl Setting {
     pub fn bounds(self) -> Vec<(f32, f32)> {
         match self {
             Setting::Metadrive1 => bounds(),
-            Setting::Safebench1 => four_numbers::bounds().to_vec(),
+            Setting::Safebench1 | Setting::Safebench2 => four_numbers::bounds().to_vec(),
         }
     }
 
@@ -72,7 +77,8 @@ impl Setting {
         out.clear();
         match self {
             Setting::Metadrive1 => observe(view, out),
-            Setting::Safebench1 => four_numbers::observe(view, out),
+            Setting::Safebench1 => four_numbers::observe_first(view, out),
+            Setting::Safebench2 => four_numbers::observe(view, out),
         }
     }
 
@@ -87,7 +93,7 @@ impl Setting {
                     steering_rad: steering * limits.steering_rad,
                 }
             }
-            Setting::Safebench1 => four_numbers::control(steering, pedal),
+            Setting::Safebench1 | Setting::Safebench2 => four_numbers::control(steering, pedal),
         }
     }
 }

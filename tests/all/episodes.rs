@@ -166,7 +166,7 @@ fn digest(tasks: &Arc<Tasks>, options: FleetOptions, threads: usize, steps: usiz
 #[test]
 fn a_fleet_drives_the_same_by_any_number_of_threads_in_every_mode() {
     let tasks = tasks();
-    for seeing in [Seeing::Setting(Setting::Metadrive1), Seeing::Setting(Setting::Safebench1), Seeing::Arrays] {
+    for seeing in [Seeing::Setting(Setting::Metadrive1), Seeing::Setting(Setting::Safebench2), Seeing::Arrays] {
         let mut seen = BTreeSet::new();
         for mode in [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled] {
             let (one, ended) = digest(&tasks, options(mode, seeing), 1, 150);

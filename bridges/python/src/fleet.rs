@@ -22,7 +22,7 @@ use crate::scenarios::{Scenarios, Source};
 /// Tasks that are being planned.
 type Pending = JoinHandle<Result<Arc<Tasks>, String>>;
 
-/// Environments side by side. `observation` is metadrive-1, safebench-1 or arrays-1; `reward` a rule with its constants as JSON;
+/// Environments side by side. `observation` is metadrive-1, safebench-1, safebench-2 or arrays-1; `reward` a rule with its constants as JSON;
 /// `autoreset` next_step, same_step or disabled.
 #[pyclass(frozen)]
 pub struct Fleet {

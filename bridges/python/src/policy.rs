@@ -16,7 +16,9 @@ pub fn seeing(name: &str) -> PyResult<Seeing> {
     }
     let setting = Setting::ALL.into_iter().find(|setting| setting.name() == name).map(Seeing::Setting);
     setting.ok_or_else(|| {
-        refused(format!("no observation is called {name:?}; there are metadrive-1, safebench-1 and arrays-1"))
+        refused(format!(
+            "no observation is called {name:?}; there are metadrive-1, safebench-1, safebench-2 and arrays-1"
+        ))
     })
 }
 
@@ -66,7 +68,9 @@ pub fn weights<'py>(
     squash: &str,
 ) -> PyResult<Bound<'py, PyBytes>> {
     let Seeing::Setting(setting) = seeing(observation)? else {
-        return Err(refused("weights drive by metadrive-1 or safebench-1; arrays-1 is for encoders of your own"));
+        return Err(refused(
+            "weights drive by metadrive-1, safebench-1 or safebench-2; arrays-1 is for encoders of your own",
+        ));
     };
     let mut read = Vec::new();
     for (rows, bias) in layers {

@@ -33,7 +33,8 @@ def along_the_route(obs, observation):
     if observation == "metadrive-1":
         steering, speed = obs[:, 4] * one(4.5) - obs[:, 3] * one(0.6), obs[:, 0] * one(20)
     else:
-        steering, speed = obs[:, 1] * one(2.7) - obs[:, 0] * one(0.3), obs[:, 2]
+        turn = -obs[:, 1] if observation == "safebench-2" else obs[:, 1]
+        steering, speed = turn * one(2.7) - obs[:, 0] * one(0.3), obs[:, 2]
     return np.clip(np.stack([steering, (one(8) - speed) * one(0.5)], 1), one(-1), one(1))
 
 
@@ -43,7 +44,7 @@ def test_the_package_says_its_version_and_is_typed():
     assert not Path(evodrive.driver.__file__).is_symlink() if hasattr(evodrive, "driver") else True
 
 
-@pytest.mark.parametrize("observation", ["metadrive-1", "safebench-1", "arrays-1"])
+@pytest.mark.parametrize("observation", ["metadrive-1", "safebench-1", "safebench-2", "arrays-1"])
 def test_gymnasium_s_checker_passes(src, observation):
     env = eg.make("evodrive/Adversarial-v0", scenarios=src, observation=observation, render_mode="rgb_array", width=240)
     check_env(env.unwrapped)
@@ -51,14 +52,14 @@ def test_gymnasium_s_checker_passes(src, observation):
 
 
 @pytest.mark.parametrize("mode", ["same_step", "next_step", "disabled"])
-@pytest.mark.parametrize("observation", ["metadrive-1", "safebench-1"])
+@pytest.mark.parametrize("observation", ["metadrive-1", "safebench-1", "safebench-2"])
 def test_a_vector_is_its_environments_side_by_side(src, mode, observation):
     """Against single environments with the same seeds and actions, step by step."""
     n, reward = 5, eg.MetaDriveReward(crash=30.0)
     vec = eg.VecEnv(src, n, observation=observation, reward=reward, autoreset=mode, seed=40, preventable=True)
     ones = [eg.AdversarialEnv(src, observation, reward, seed=40 + i, preventable=True) for i in range(n)]
     obs, info = vec.reset()
-    assert obs.dtype == np.float32 and obs.shape == (n, {"metadrive-1": 126, "safebench-1": 4}[observation])
+    assert obs.dtype == np.float32 and obs.shape == (n, {"metadrive-1": 126}.get(observation, 4))
     for i, one in enumerate(ones):
         alone, told = one.reset()
         assert np.array_equal(obs[i], alone)
@@ -313,7 +314,7 @@ def test_every_bad_input_is_an_exception_that_says_what_was_expected(pools, src,
         for _ in range(500):
             over.step(np.float32([[1.0, 1.0]]))
     for options, said in [
-        (dict(observation="metadrive-2"), "metadrive-1, safebench-1 and arrays-1"),
+        (dict(observation="metadrive-2"), "metadrive-1, safebench-1, safebench-2 and arrays-1"),
         (dict(autoreset="sometimes"), "same_step"),
         (dict(num_envs=0), "1 to"),
         (dict(reward=eg.MetaDriveReward(crash=float("nan"))), "reward"),

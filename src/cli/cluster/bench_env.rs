@@ -139,6 +139,7 @@ fn along_the_route(setting: Setting, seen: &[f32]) -> [f32; 2] {
     let (steering, speed_mps) = match setting {
         Setting::Metadrive1 => (seen[4] * 4.5 - seen[3] * 0.6, seen[0] * 20.0),
         Setting::Safebench1 => (seen[1] * 2.7 - seen[0] * 0.3, seen[2]),
+        Setting::Safebench2 => (-seen[1] * 2.7 - seen[0] * 0.3, seen[2]),
     };
     [steering.clamp(-1.0, 1.0), ((SPEED_MPS - speed_mps) * 0.5).clamp(-1.0, 1.0)]
 }

@@ -203,6 +203,13 @@ pub fn learned_in_words(observation: &str) -> &'static str {
              how fast that one is, and sees nobody beside, behind or still coming toward the route. It may brake (3.3 \
              m/s^2 at most), speed up (3 m/s^2) and steer (21 degrees at most)."
         }
+        "safebench-2" => {
+            "learned on SafeBench's routes is a network with frozen weights that sees four numbers every 0.1 s: its \
+             distance beside the route and its turn against it 4.5 m ahead, its speed, and whether a vehicle or cyclist \
+             ahead has its centre in the same lane and less than 15 m away. It knows neither how near nor how fast that \
+             one is, and sees no walker, no standing thing, and nobody in another lane, beside or behind. It may brake \
+             (3.3 m/s^2 at most), speed up (3 m/s^2) and steer (21 degrees at most)."
+        }
         _ => "a network with frozen weights; what it sees is not known here",
     }
 }

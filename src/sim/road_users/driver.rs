@@ -1,7 +1,7 @@
 //! What a driver under test sees and answers.
 
 use crate::kernel::Vec2;
-use crate::scene::{LightState, Sample};
+use crate::scene::{AgentKind, LaneIx, LightState, Road, Sample};
 use crate::sim::accounts::end::End;
 use crate::sim::prepared::body::Size;
 use crate::sim::prepared::path::{Along, Path};
@@ -10,6 +10,9 @@ use crate::sim::prepared::plant_options::{EgoCar, Obstacle};
 
 use super::idm::{self, Front, SIGHT_M};
 use super::others::{Others, Seen};
+
+/// The lane of a place is not looked for farther away, metres.
+const LANE_WITHIN_M: f64 = 50.0;
 
 /// A driver of the ego. One instance drives one rollout at a time; `begin` resets it.
 pub trait Driver {
@@ -120,6 +123,24 @@ impl View<'_> {
         nearest
     }
 
+    /// Whether a vehicle or cyclist has its centre in the ego's lane, within `reach_m` of the ego's and ahead of it, as SafeBench asks
+    /// CARLA's map: the lane of a place is the street or freeway lane with the nearest centre line, whatever its heading. Walkers and
+    /// things are none.
+    pub fn is_behind_vehicle_in_lane(&self, reach_m: f64) -> bool {
+        let own = self.ego.sample.position;
+        let lane_of = |point| self.plant.lanes().nearest_lane_any_heading(point, LANE_WITHIN_M).map(|place| place.lane);
+        let (mut own_lane, mut found) = (None, false);
+        self.world.for_each_near(self.plant, self.k, own, reach_m, |near| {
+            let drives = matches!(near.size.kind, AgentKind::Vehicle | AgentKind::Cyclist);
+            if found || !drives || (near.position - own).dot(self.ego.axis) <= 0.0 {
+                return;
+            }
+            let lanes = (*own_lane.get_or_insert_with(|| lane_of(own)), lane_of(near.position));
+            found = matches!(lanes, (Some(a), Some(b)) if is_one_lane(&self.plant.scene().road, a, b));
+        });
+        found
+    }
+
     /// The lane by which MetaDrive's driver steers, and the ego's place on it; `None` for a car that is steered by the route.
     pub fn on_lane(&self) -> Option<(&Path, Along)> {
         let lane = self.plant.lane().filter(|_| self.plant.options().plant.ego_car == EgoCar::Sprung)?;
@@ -143,4 +164,14 @@ impl View<'_> {
 /// MetaDrive looks along the whole lane for the nearest piece.
 fn beside(lane: &Path, point: Vec2) -> Along {
     lane.on_line_of(&lane.project(point), point)
+}
+
+/// Whether two lanes are one to CARLA, which compares road and lane: the sections into which OpenDRIVE cuts a road, `road/section/lane`
+/// in an id, do not count.
+fn is_one_lane(road: &Road, a: LaneIx, b: LaneIx) -> bool {
+    let named = |lane: LaneIx| match road.lanes.get(lane)?.id.split('/').collect::<Vec<_>>()[..] {
+        [road, _, lane] => Some((road, lane)),
+        _ => None,
+    };
+    a == b || named(a).is_some_and(|of| named(b) == Some(of))
 }

@@ -4,7 +4,7 @@ use crate::ego::network::Mlp;
 use crate::ego::observation::ACTION;
 use crate::ego::{Policy, PolicyError, Setting, Weights};
 use crate::kernel::{Seed, Vec2};
-use crate::scene::{Light, LightState, Scene};
+use crate::scene::{AgentKind, Light, LightState, Scene, Track};
 use crate::sim::scenes::*;
 use crate::sim::*;
 
@@ -118,8 +118,61 @@ fn an_observation_tells_route_edge_and_who_is_ahead() {
 
 #[test]
 fn safebenchs_four_numbers_are_offset_turn_speed_and_a_flag() {
-    let seen = |cars| first_sight(Setting::Safebench1, &straight_road(91, 8.0, cars));
+    let seen = |cars| first_sight(Setting::Safebench2, &straight_road(91, 8.0, cars));
     assert_eq!(seen(vec![]), [0.0, 0.0, 8.0, 0.0]);
     assert_eq!(seen(vec![car("lead", straight(sample(12.0, 0.0, 0.0, 0.0), 91))])[3], 1.0);
     assert_eq!(seen(vec![car("far", straight(sample(25.0, 0.0, 0.0, 0.0), 91))])[3], 0.0);
+}
+
+/// The four numbers of an ego at this height beside a straight route and lane, with this heading.
+fn four(setting: Setting, y: f64, heading_rad: f64, cars: Vec<Track>) -> Vec<f32> {
+    let mut scene = straight_road(91, 8.0, cars);
+    scene.ego.track.samples = straight(sample(0.0, y, heading_rad, 8.0), 91);
+    scene.road.lanes.push(lane(Vec2::new(-50.0, 4.0), Vec2::new(250.0, 4.0)));
+    scene.road.lanes[1].id = "beside".into();
+    first_sight(setting, &scene)
+}
+
+#[test]
+fn safebenchs_turn_is_positive_to_the_left_as_its_offset_is() {
+    let near = |seen: Vec<f32>, offset: f32, turn: f32| {
+        assert!((seen[0] - offset).abs() < 1e-6 && (seen[1] - turn).abs() < 1e-6, "{seen:?}");
+    };
+    near(four(Setting::Safebench2, 1.5, 0.2, vec![]), 1.5, 0.2);
+    near(four(Setting::Safebench2, -1.0, -0.3, vec![]), -1.0, -0.3);
+    // What the recorded weights were trained with.
+    near(four(Setting::Safebench1, 1.5, 0.2, vec![]), 1.5, -0.2);
+}
+
+#[test]
+fn safebenchs_flag_is_a_vehicle_whose_centre_is_ahead_in_the_egos_lane() {
+    let flag = |kind: AgentKind, x: f64, y: f64, heading_rad: f64| {
+        let standing = Track { kind, ..car("other", straight(sample(x, y, heading_rad, 0.0), 91)) };
+        four(Setting::Safebench2, 0.0, 0.0, vec![standing])[3]
+    };
+    assert_eq!(flag(AgentKind::Vehicle, 14.5, 0.0, 0.0), 1.0);
+    assert_eq!(flag(AgentKind::Cyclist, 14.5, 0.0, 0.0), 1.0, "a bicycle is a vehicle to CARLA");
+    assert_eq!(flag(AgentKind::Vehicle, 14.5, 1.5, 1.5), 1.0, "across the lane");
+    assert_eq!([AgentKind::Pedestrian, AgentKind::Static].map(|kind| flag(kind, 12.0, 0.0, 0.0)), [0.0; 2]);
+    assert_eq!(flag(AgentKind::Vehicle, 12.0, 2.5, 0.0), 0.0, "its side reaches in, its centre is in the other lane");
+    assert_eq!(flag(AgentKind::Vehicle, 15.1, 0.0, 0.0), 0.0);
+    assert_eq!(flag(AgentKind::Vehicle, -6.0, 0.0, 0.0), 0.0);
+    // The old one saw all of those within reach that are on the route.
+    let walker = Track { kind: AgentKind::Pedestrian, ..car("other", straight(sample(12.0, 0.0, 0.0, 0.0), 91)) };
+    assert_eq!(four(Setting::Safebench1, 0.0, 0.0, vec![walker])[3], 1.0);
+}
+
+#[test]
+fn the_sections_of_an_opendrive_road_are_one_lane_and_two_roads_are_not() {
+    let flag = |own: &str, ahead: &str| {
+        let mut scene = straight_road(91, 8.0, vec![car("lead", straight(sample(10.0, 0.0, 0.0, 0.0), 91))]);
+        scene.road.lanes =
+            vec![lane(Vec2::new(-50.0, 0.0), Vec2::new(5.0, 0.0)), lane(Vec2::new(5.0, 0.0), Vec2::new(250.0, 0.0))];
+        (scene.road.lanes[0].id, scene.road.lanes[1].id) = (own.into(), ahead.into());
+        first_sight(Setting::Safebench2, &scene)[3]
+    };
+    assert_eq!(flag("7/0/-1", "7/1/-1"), 1.0);
+    assert_eq!(flag("7/0/-1", "7/1/-2"), 0.0);
+    assert_eq!(flag("7/0/-1", "8/0/-1"), 0.0);
+    assert_eq!(flag("a", "b"), 0.0);
 }

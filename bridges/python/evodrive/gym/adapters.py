@@ -94,7 +94,7 @@ def puffer(env, buf=None, seed=None):
     if env.metadata["autoreset_mode"].name != "SAME_STEP":
         raise ValueError("PufferLib resets in the step that ends an episode; make the VecEnv with autoreset='same_step'")
     if env.observation == "arrays-1":
-        raise ValueError("PufferLib's native environments observe one array; make the VecEnv with 'metadrive-1' or 'safebench-1'")
+        raise ValueError("PufferLib's native environments observe one array; make the VecEnv with 'metadrive-1' or 'safebench-2'")
 
     class Puffer(pufferlib.PufferEnv):
         """Steps a `VecEnv`, an agent an environment."""

@@ -5,7 +5,7 @@ from gymnasium import spaces
 
 from .. import _evodrive
 
-OBSERVATIONS = ("metadrive-1", "safebench-1", "arrays-1")
+OBSERVATIONS = ("metadrive-1", "safebench-1", "safebench-2", "arrays-1")
 
 
 def action_space():

@@ -57,7 +57,7 @@ class VecEnv(VectorEnv):
 
     num_envs     n
     threads      that step them; 0 is one a core. The numbers are the same for any
-    observation  "metadrive-1": float32 (n, 126); "safebench-1": float32 (n, 4); "arrays-1": a dictionary of arrays, in metres,
+    observation  "metadrive-1": float32 (n, 126); "safebench-2" (or "safebench-1"): float32 (n, 4); "arrays-1": a dictionary of arrays, in metres,
                  seconds and radians in the ego's frame: ego (n, 9), route (n, 20, 2), neighbours (n, 32, 10), lanes (n, 64, 6)
     reward       MetaDriveReward(...) or SafeBenchReward(...); without it MetaDriveReward()
     autoreset    "same_step", "next_step" or "disabled", as in Gymnasium

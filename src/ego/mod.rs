@@ -1,6 +1,7 @@
 //! The fixed drivers under test.
 
 pub mod arrays;
+pub mod checkpoint;
 mod four_numbers;
 pub mod idm;
 pub mod learned;

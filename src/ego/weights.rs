@@ -110,11 +110,10 @@ impl Weights {
         if let Some(odd) = file.names().into_iter().find(|name| !known.iter().any(|known| known == name)) {
             return Err(WeightsError::new(odd, "a tensor", format!("no other than {}", known.join(", "))));
         }
-        let hidden = file.tensor("latent_pi.0.bias").map_or(0, |view| view.shape().first().copied().unwrap_or(0));
-        check_width(hidden)?;
-        let first = layer(&file, TRUNK[0], setting.length(), hidden)?;
-        let second = layer(&file, TRUNK[1], hidden, hidden)?;
-        let heads = [layer(&file, HEADS[0], hidden, ACTION)?, layer(&file, HEADS[1], hidden, ACTION)?];
+        let (first, second) = (width(&file, TRUNK[0])?, width(&file, TRUNK[1])?);
+        let heads = [layer(&file, HEADS[0], second, ACTION)?, layer(&file, HEADS[1], second, ACTION)?];
+        let second = layer(&file, TRUNK[1], first, second)?;
+        let first = layer(&file, TRUNK[0], setting.length(), first)?;
         let actor = Arc::new(Mlp { layers: vec![first, second, beside(&heads)] });
         check(setting, &actor)?;
         Ok(Weights { setting, form, actor, digest: Digest::of_bytes(bytes) })
@@ -183,12 +182,11 @@ fn check(setting: Setting, actor: &Mlp) -> Result<[&Dense; 3], WeightsError> {
     let [first, second, heads] = &actor.layers[..] else {
         return Err(WeightsError::new("actor", format!("{} layers", actor.layers.len()), "3 layers"));
     };
-    let width = first.outputs;
-    check_width(width)?;
+    let widths = [check_width(TRUNK[0], first.outputs)?, check_width(TRUNK[1], second.outputs)?];
     let due = [
-        (TRUNK[0], first, setting.length(), width),
-        (TRUNK[1], second, width, width),
-        (HEADS[0], heads, width, 2 * ACTION),
+        (TRUNK[0], first, setting.length(), widths[0]),
+        (TRUNK[1], second, widths[0], widths[1]),
+        (HEADS[0], heads, widths[1], 2 * ACTION),
     ];
     for (name, layer, inputs, outputs) in due {
         let numbers = (layer.inputs, layer.outputs, layer.weights.len(), layer.bias.len());
@@ -210,10 +208,13 @@ fn check(setting: Setting, actor: &Mlp) -> Result<[&Dense; 3], WeightsError> {
     Ok([first, second, heads])
 }
 
-fn check_width(hidden: usize) -> Result<(), WeightsError> {
+/// Outputs that a hidden layer may have.
+fn check_width(layer: &str, hidden: usize) -> Result<usize, WeightsError> {
     match (1..=WIDTH_MAX).contains(&hidden) {
-        true => Ok(()),
-        false => Err(WeightsError::new("latent_pi.0.bias", format!("{hidden} numbers"), format!("1 to {WIDTH_MAX}"))),
+        true => Ok(hidden),
+        false => {
+            Err(WeightsError::new(&format!("{layer}.bias"), format!("{hidden} numbers"), format!("1 to {WIDTH_MAX}")))
+        }
     }
 }
 
@@ -248,6 +249,12 @@ fn header(bytes: &[u8]) -> Result<(Setting, Form), WeightsError> {
     let setting = Setting::ALL.into_iter().find(|setting| setting.name() == read.observation);
     let setting = setting.ok_or_else(|| refuse(format!("observation {:?}", read.observation)))?;
     Ok((setting, Form { activation: read.activation, squash: read.squash }))
+}
+
+/// Outputs of a hidden layer in a file.
+fn width(file: &SafeTensors<'_>, layer: &str) -> Result<usize, WeightsError> {
+    let bias = file.tensor(&format!("{layer}.bias"));
+    check_width(layer, bias.map_or(0, |view| view.shape().first().copied().unwrap_or(0)))
 }
 
 fn layer(file: &SafeTensors<'_>, name: &str, inputs: usize, outputs: usize) -> Result<Dense, WeightsError> {
@@ -352,9 +359,7 @@ mod tests {
     #[test]
     fn nothing_is_written_that_the_reader_refuses() {
         let refused = |actor: Mlp| Weights::to_bytes(Setting::Safebench1, &actor).unwrap_err().to_string();
-        for widths in
-            [&[4, 3, 4][..], &[5, 3, 3, 4], &[4, 3, 2, 4], &[4, 3, 3, 2], &[4, 0, 0, 4], &[4, 1025, 1025, 4], &[]]
-        {
+        for widths in [&[4, 3, 4][..], &[5, 3, 3, 4], &[4, 3, 3, 2], &[4, 0, 0, 4], &[4, 1025, 1025, 4], &[]] {
             assert!(refused(Mlp::zeros(widths)).contains("expected"), "{widths:?}");
         }
         let changed = |change: fn(&mut Dense)| {

@@ -28,6 +28,7 @@ pub mod speed_limit;
 pub mod staging;
 pub mod summary;
 pub mod topology;
+pub mod torch;
 pub mod waymo;
 mod wrapped;
 pub mod xml_read;

@@ -1,6 +1,7 @@
 //! Hostile files against every importer: a table of importers, attacks and messages, and randomly drawn changes. A
 //! refusal names file, place, rule and remedy. Nothing panics, and no imported scene breaks a rule.
 
+mod checkpoints;
 mod parts;
 mod pickles;
 pub(super) mod wholes;

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 
-use super::{OBJECTS_MAX, Object, Pickle, VALUES_MAX, Value};
+use super::{Kind, OBJECTS_MAX, Object, Pickle, VALUES_MAX, Value};
 use crate::formats::import_error::{ImportError, shown};
 use crate::formats::json_numbers::without_nan;
 
@@ -28,7 +28,7 @@ pub fn read_json<'a>(file: &'a str, bytes: &'a [u8]) -> Result<Pickle<'a>, Impor
         let place = format!("line {}, column {}", error.line(), error.column());
         ImportError::new(file, place, format!("JSON ({})", shown(&error.to_string())), remedy)
     })?;
-    Ok(Pickle { file, bytes, objects: made.objects, root, listed: Default::default() })
+    Ok(Pickle { file, kind: Kind::Scene, bytes, objects: made.objects, root, listed: Default::default() })
 }
 
 /// What was built so far.

@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use super::numpy::{Global, applied, built};
-use super::{OBJECTS_MAX, Object, Pickle, VALUES_MAX, Value};
+use super::torch::{self, Storage};
+use super::{Kind, OBJECTS_MAX, Object, Pickle, VALUES_MAX, Value};
 use crate::formats::import_error::{ImportError, shown};
 
 const BYTES_MAX: usize = 256 << 20;
@@ -18,8 +19,23 @@ const MEMO_JUMP_MAX: usize = 65_536;
 /// # Errors
 /// Truncated or unknown opcodes, names outside the list of harmless ones, and anything beyond the bounds.
 pub fn read<'a>(file: &'a str, bytes: &'a [u8]) -> Result<Pickle<'a>, ImportError> {
+    if let Some(fault) = unread(bytes) {
+        return Err(ImportError::new(file, "byte 0", fault.0, fault.1));
+    }
+    Ok(read_as(file, bytes, Kind::Scene)?.0)
+}
+
+/// Reads one pickle of a checkpoint, which may hold torch's tensors and be followed by others. Says where it ends, too.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_checkpoint<'a>(file: &'a str, bytes: &'a [u8]) -> Result<(Pickle<'a>, usize), ImportError> {
+    read_as(file, bytes, Kind::Checkpoint)
+}
+
+fn read_as<'a>(file: &'a str, bytes: &'a [u8], kind: Kind) -> Result<(Pickle<'a>, usize), ImportError> {
     let mut machine = Machine {
-        pickle: Pickle { file, bytes, objects: Vec::new(), root: Value::None, listed: Default::default() },
+        pickle: Pickle { file, kind, bytes, objects: Vec::new(), root: Value::None, listed: Default::default() },
         at: 0,
         stack: Vec::new(),
         marks: Vec::new(),
@@ -30,11 +46,8 @@ pub fn read<'a>(file: &'a str, bytes: &'a [u8]) -> Result<Pickle<'a>, ImportErro
     if bytes.len() > BYTES_MAX {
         return Err(machine.refuse("at most 256 MiB"));
     }
-    if let Some(fault) = unread(bytes) {
-        return Err(ImportError::new(file, "byte 0", fault.0, fault.1));
-    }
     while machine.step()? {}
-    Ok(machine.pickle)
+    Ok((machine.pickle, machine.at))
 }
 
 const WRITE_AGAIN: &str = "load it in Python and write it again with pickle.dump(scene, file, protocol=4)";
@@ -94,7 +107,10 @@ type Step<T> = Result<T, ImportError>;
 
 impl Machine<'_> {
     pub fn refuse(&self, expected: impl Into<String>) -> ImportError {
-        let remedy = "the file is damaged or no data; write it again with ScenarioNet";
+        let remedy = match self.pickle.kind {
+            Kind::Scene => "the file is damaged or no data; write it again with ScenarioNet".into(),
+            Kind::Checkpoint => format!("the file is damaged or no checkpoint; {}", self.pickle.kind.remedy()),
+        };
         ImportError::new(self.pickle.file, format!("byte {}", self.at), expected, remedy)
     }
 
@@ -266,10 +282,17 @@ impl Machine<'_> {
     }
 
     fn global(&mut self, module: &str, name: &str) -> Step<()> {
-        let Some(global) = Global::named(module, name) else {
+        let known = match self.pickle.kind {
+            Kind::Scene => Global::named(module, name),
+            Kind::Checkpoint => torch::named(module, name).or_else(|| Global::named(module, name)),
+        };
+        let Some(global) = known else {
+            let (only, remedy) = match self.pickle.kind {
+                Kind::Scene => ("numpy arrays", "a scene needs no such name; write the file again with plain data"),
+                Kind::Checkpoint => ("tensors", "weights need no such name; write the network's state_dict() alone"),
+            };
             let expected =
-                format!("numpy arrays and plain containers only, found the name {}.{}", shown(module), shown(name));
-            let remedy = "a scene needs no such name; write the file again with plain data";
+                format!("{only} and plain containers only, found the name {}.{}", shown(module), shown(name));
             return Err(ImportError::new(self.pickle.file, format!("byte {}", self.at), expected, remedy));
         };
         self.push_object(Object::Global(global))
@@ -465,6 +488,11 @@ impl Machine<'_> {
                 self.global(&module, &name)?;
             }
             0x93 => self.stack_global()?,
+            b'Q' if self.pickle.kind == Kind::Checkpoint => {
+                let id = self.pop()?;
+                let storage = Storage::of(self, id)?;
+                self.push_object(Object::Storage(storage))?;
+            }
             b'R' | 0x81 => {
                 let (arguments, callee) = (self.pop()?, self.pop()?);
                 let value = applied(self, callee, arguments)?;

@@ -1,10 +1,11 @@
 //! Python pickles (protocols 2 to 5) read as data. The opcodes that call something are interpreted only for a short
-//! list of names (numpy arrays, dictionaries, sets); everything else is refused by name. No code is ever run, values
+//! list of names (numpy arrays, dictionaries, sets; in checkpoints torch's tensors); everything else is refused by name. No code is ever run, values
 //! are shared but never copied, and size, count and nesting are bounded. [`write()`] makes pickles of such data.
 
 mod json;
 mod machine;
 mod numpy;
+mod torch;
 mod write;
 
 use std::borrow::Cow;
@@ -12,8 +13,9 @@ use std::cell::Cell;
 use std::ops::Range;
 
 pub use json::read_json;
-pub use machine::{is_headless, read};
+pub use machine::{is_headless, read, read_checkpoint};
 pub use numpy::{Array, Numbers};
+pub use torch::{Storage, Tensor};
 pub use write::{Lists, write};
 
 use crate::formats::import_error::{ImportError, shown};
@@ -63,16 +65,35 @@ pub(super) enum Object {
     Global(numpy::Global),
     Dtype(numpy::Dtype),
     Array(Array),
+    Storage(Storage),
+    Tensor(Tensor),
 }
 
 /// A whole pickle: its root and the objects it consists of.
 pub struct Pickle<'a> {
     file: &'a str,
+    kind: Kind,
     bytes: &'a [u8],
     objects: Vec<Object>,
     root: Value,
     /// Items of lists read as tables so far.
     listed: Cell<usize>,
+}
+
+/// What a document is read for: which names it may use, and what is to be done about one that cannot be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Scene,
+    Checkpoint,
+}
+
+impl Kind {
+    fn remedy(self) -> &'static str {
+        match self {
+            Kind::Scene => "write the file again with ScenarioNet or leave it out",
+            Kind::Checkpoint => "write the file again with torch.save of the network's state_dict()",
+        }
+    }
 }
 
 /// A value with its path, for error messages.
@@ -147,7 +168,7 @@ impl<'p> Node<'p> {
     pub fn refuse(&self, expected: impl Into<String>) -> ImportError {
         let place = if self.path.is_empty() { "the whole pickle".to_string() } else { self.path.clone() };
         let expected = format!("{}, found {}", expected.into(), self.described());
-        ImportError::new(self.pickle.file, place, expected, "write the file again with ScenarioNet or leave it out")
+        ImportError::new(self.pickle.file, place, expected, self.pickle.kind.remedy())
     }
 
     fn described(&self) -> String {
@@ -166,7 +187,8 @@ impl<'p> Node<'p> {
                 Some(Object::Dict(entries)) => format!("a dictionary of {}", entries.len()),
                 Some(Object::Set(items)) => format!("a set of {}", items.len()),
                 Some(Object::Array(array)) => format!("an array of shape {:?}", array.shape),
-                Some(Object::Global(_) | Object::Dtype(_)) | None => "something else".into(),
+                Some(Object::Tensor(tensor)) => format!("a tensor of shape {:?}", tensor.shape),
+                Some(Object::Global(_) | Object::Dtype(_) | Object::Storage(_)) | None => "something else".into(),
             },
         }
     }

@@ -4,6 +4,7 @@
 use std::borrow::Cow;
 
 use super::machine::Machine;
+use super::torch::Tensor;
 use super::{Object, Pickle, Value};
 use crate::formats::import_error::ImportError;
 
@@ -26,6 +27,12 @@ pub enum Global {
     SetType,
     ListType,
     ByteArray,
+    /// Torch's tensor, over the numbers of a storage.
+    Tensor,
+    /// A tensor that is trained; what it is made of is the tensor.
+    Parameter,
+    /// What the numbers of a storage are: the name of its class, and bytes of a number.
+    StorageType(&'static str, usize),
     /// A built-in type that a `defaultdict` makes its new values of: a name in a file, never applied.
     Factory,
 }
@@ -299,6 +306,12 @@ pub(super) fn applied(machine: &mut Machine<'_>, callee: Value, arguments: Value
             let bytes = bytes.ok_or_else(|| machine.refuse("Latin-1 text"))?;
             machine.object(Object::OwnedBytes(bytes))
         }
+        Global::Tensor => {
+            let tensor = Tensor::of(machine, &arguments)?;
+            machine.object(Object::Tensor(tensor))
+        }
+        Global::Parameter => Ok(first),
+        Global::StorageType(..) => Err(machine.refuse("the class of a storage in its id, found it applied")),
         Global::Factory => Err(machine.refuse("a built-in type as the factory of a defaultdict, found it applied")),
         Global::DictType => {
             // A Counter comes with a dictionary.

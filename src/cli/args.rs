@@ -9,7 +9,7 @@ use crate::cli::look::{compare, credit, data, diff, figure, impact, lineage, rep
 use crate::cli::records::{bundle, fsck, run_name::OneRun};
 use crate::cli::reference::{known, manual, options};
 use crate::cli::scenes::{calibrate, command};
-use crate::cli::studies::{agree, apply, claims, downstream, egos, leaderboard, paper, program, suite, train};
+use crate::cli::studies::{agree, apply, claims, downstream, egos, leaderboard, paper, policy, program, suite, train};
 use crate::cli::terminal::{answer::Answer, examples::with_examples, exit::Failure};
 
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
@@ -129,6 +129,9 @@ pub enum Command {
     /// Train egos on scenes of the original and of the evolved generator, and compare how they drive: replayed from a record, or
     /// trained (docs/DOWNSTREAM.md).
     Downstream(downstream::Options),
+    /// Weights of learned egos that were trained elsewhere (docs/EGOS.md).
+    #[command(subcommand)]
+    Policy(policy::Command),
     /// Drive an experiment's held-out scenes with replay, IDM and learned egos: who crashes, who arrives (docs/EGOS.md).
     Egos(egos::Options),
     /// Measure speed.
@@ -182,6 +185,7 @@ impl Command {
             Command::Shard(command) => shard::run(&command, jobs),
             Command::Train(options) => train::run(&options, jobs),
             Command::Downstream(options) => downstream::run(&options, jobs),
+            Command::Policy(command) => policy::run(&command),
             Command::Egos(options) => egos::run(&options, jobs),
             Command::Bench(command) => bench::run(command, jobs),
         }

@@ -1,19 +1,24 @@
-//! `lineage[].policy`: the weights of a learned ego. The file is read where it is named and must have the digest that the
-//! experiment says; its bytes take the name's place, so that digest and run folder hold the weights and not a path.
+//! `lineage[].policy`: the weights of a learned ego, by the name of weights that the program carries, or a file, which is read where it
+//! is named and must have the digest that the experiment says. Its bytes take the name's place, so that digest and run folder hold the
+//! weights and not a path.
 
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use toml::{Table, Value};
 
 use super::key::shown;
-use super::place::Place;
-use super::{ExperimentError, OptionError};
+use super::place::{Place, shipped_weights};
+use super::{ExperimentError, OptionError, STAGED};
 use crate::ego::Policy;
+use crate::families;
 use crate::kernel::{Digest, hex};
+use crate::objects::FamilyName;
 use crate::store;
 
 /// The ego that takes weights.
 const LEARNED: &str = "learned";
+/// The learned ego of SafeBench's families where a lineage names none: ChatScene's.
+pub const PUBLISHED: &str = "evodrive:sac-chatscene";
 /// Bytes that a file of weights may have.
 const WEIGHTS_BYTES_MAX: u64 = 64 << 20;
 
@@ -65,6 +70,12 @@ pub fn inline(table: &mut Table, place: &Place) -> Result<bool, ExperimentError>
     let Some(Value::Array(lineages)) = table.get_mut("lineage") else { return Ok(false) };
     let mut named = false;
     for (i, lineage) in lineages.iter_mut().enumerate() {
+        if lineage.get("policy").is_none()
+            && is_staged(lineage)
+            && let Some(lineage) = lineage.as_table_mut()
+        {
+            lineage.insert("policy".into(), PUBLISHED.into());
+        }
         let Some(value) = lineage.get_mut("policy") else { continue };
         // What a run folder keeps.
         if value.get("weights").is_some() {
@@ -74,13 +85,23 @@ pub fn inline(table: &mut Table, place: &Place) -> Result<bool, ExperimentError>
             file: place.name(),
             error: OptionError::new(format!("lineage[{i}].policy{field}"), found, expected),
         };
-        let form = "{ file = \"<name>.safetensors\", digest = \"<64 hex digits>\" }";
+        let form = "{ file = \"<name>.safetensors\", digest = \"<64 hex digits>\" }, or the name of weights that the program carries";
+        let option = |error| ExperimentError::Option { file: place.name(), error };
+        if let Some(bytes) = value.as_str().and_then(|name| shipped_weights(&format!("lineage[{i}].policy"), name)) {
+            let kept = EgoWeights::of(bytes.map_err(option)?);
+            *value = Value::try_from(&kept).map_err(|error| refuse("", error.to_string(), form))?;
+            named = true;
+            continue;
+        }
         let of: Named = value.clone().try_into().map_err(|_| refuse("", shown(value), form))?;
-        let path = place.path_beside(Path::new(&of.file));
         let made_by = format!("weights that {} makes", command(&of.file));
-        let bytes = store::read_bounded(&path, WEIGHTS_BYTES_MAX)
-            .map_err(|error| refuse(".file", format!("{:?} ({error})", of.file), &made_by))?;
-        let kept = EgoWeights::of(&bytes);
+        let kept = match shipped_weights(&format!("lineage[{i}].policy.file"), &of.file) {
+            Some(bytes) => EgoWeights::of(bytes.map_err(option)?),
+            None => {
+                let bytes = store::read_bounded(&place.path_beside(Path::new(&of.file)), WEIGHTS_BYTES_MAX);
+                EgoWeights::of(&bytes.map_err(|error| refuse(".file", format!("{:?} ({error})", of.file), &made_by))?)
+            }
+        };
         if kept.digest != of.digest {
             let found = format!("{}, while {:?} has {}", of.digest, of.file, kept.digest);
             let expected =
@@ -94,8 +115,19 @@ pub fn inline(table: &mut Table, place: &Place) -> Result<bool, ExperimentError>
     Ok(named)
 }
 
+/// Whether a lineage's ego is a learned one in SafeBench's protocol.
+fn is_staged(lineage: &Value) -> bool {
+    let word = |key: &str| lineage.get(key).and_then(Value::as_str);
+    let family = word("family").map(FamilyName::new);
+    let contract = family.and_then(|family| families::sources().get(&family).map(|of| of.contract.backend.clone()));
+    word("ego") == Some(LEARNED) && contract.as_deref() == Some(STAGED)
+}
+
 /// What makes the weights of a file.
 fn command(file: &str) -> String {
     let name = Path::new(file).file_stem().map_or_else(|| "<name>".into(), |stem| stem.to_string_lossy().into_owned());
-    format!("`evodrive train experiments/train/{name}.toml`")
+    match PUBLISHED.ends_with(&name) {
+        true => "`evodrive policy import` of ChatScene's checkpoint".into(),
+        false => format!("`evodrive train experiments/train/{name}.toml`"),
+    }
 }

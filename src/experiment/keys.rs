@@ -156,7 +156,7 @@ fn study() -> Vec<Key> {
                 "",
                 "",
                 Any,
-                "For ego `learned`: { file, digest }, weights that `evodrive train` wrote, relative to the file that names them.",
+                "For ego `learned`: weights by name (evodrive:sac-chatscene, which SafeBench's families take without it), or { file, digest }, relative to the file that names them.",
             ),
             (
                 "lineage[].parent_program",

@@ -41,7 +41,7 @@ pub use named_driver::{PlannerFile, named_driver};
 pub use options::{BudgetOptions, Experiment, LineageOptions, PlainContacts, SceneSource, SplitOptions};
 pub use page::{listing, page};
 pub use parent_program::ParentProgram;
-pub use place::PROTOCOLS;
+pub use place::{PROTOCOLS, shipped_weights};
 pub use program_file::{
     BackendMark, CarriedCounsel, Conditions, ContractMark, FORMAT as PROGRAM_FORMAT, Finding, ProgramFile,
     ProgramFileError, value_span,
@@ -49,5 +49,6 @@ pub use program_file::{
 pub use scenes::{read_pool, read_scenes, read_scenes_as};
 pub use schema::schema;
 pub use set::read as typed_value;
+use starter::STAGED;
 pub use starter::{Started, Starter, starter};
 pub use training_file::TrainingFile;

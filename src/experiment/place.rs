@@ -8,7 +8,7 @@ use crate::store;
 /// Bytes that an experiment file may have: a run folder's holds the programs that its lineages start from.
 const FILE_BYTES_MAX: u64 = 64 << 20;
 /// What stands before the name of a protocol that the program carries.
-const SHIPPED: &str = "evodrive:";
+pub const SHIPPED: &str = "evodrive:";
 
 /// The protocols that the program carries: name and file.
 pub const PROTOCOLS: [(&str, &str); 2] = [
@@ -26,6 +26,25 @@ const CALIBRATIONS: [(&str, &str); 2] = [
 pub enum Place {
     Disk(PathBuf),
     Shipped(&'static str, &'static str),
+}
+
+/// The weights of learned egos that the program carries: name and file.
+const POLICIES: [(&str, &[u8]); 4] = [
+    ("sac-chatscene", include_bytes!("../../policies/sac-chatscene.safetensors")),
+    ("sac-safebench", include_bytes!("../../policies/sac-safebench.safetensors")),
+    ("sac-metadrive", include_bytes!("../../policies/sac-metadrive.safetensors")),
+    ("sac-metadrive-2", include_bytes!("../../policies/sac-metadrive-2.safetensors")),
+];
+
+/// The weights behind a name that begins with `evodrive:`; `None` for the name of a file.
+///
+/// # Errors
+/// A name that the program does not carry; `place` is where it stands.
+pub fn shipped_weights(place: &str, name: &str) -> Option<Result<&'static [u8], OptionError>> {
+    let wanted = name.strip_prefix(SHIPPED)?;
+    let carried = POLICIES.iter().find(|(known, _)| *known == wanted);
+    let known = POLICIES.map(|(known, _)| format!("{SHIPPED}{known}"));
+    Some(carried.map(|(_, bytes)| *bytes).ok_or_else(|| OptionError::word(place, name, &known)))
 }
 
 impl Place {

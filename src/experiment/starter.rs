@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use super::ego_weights::PUBLISHED;
 use super::key::Range;
 use super::{ExperimentError, OptionError, PlannerFile};
 use crate::families;
@@ -26,6 +27,8 @@ pub struct Starter {
     pub start: Option<PathBuf>,
     /// The planner that is the ego; IDM without.
     pub driver: Option<PlannerFile>,
+    /// The protocol's learned ego in place of IDM.
+    pub learned: bool,
     pub epochs: Option<i64>,
     pub slots: Option<i64>,
     /// Scenes that stay closed until evolution is over.
@@ -72,6 +75,7 @@ pub fn starter(starter: &Starter) -> Result<Started, ExperimentError> {
     }
     let (ego, suffix, against) = match &starter.driver {
         Some(_) => ("command", "mine", "a planner of one's own"),
+        None if starter.learned => ("learned", "sac", "a learned ego"),
         None => ("idm", "idm", "the IDM ego"),
     };
     let protocol = if staged { STAGED } else { "metadrive" };
@@ -98,6 +102,10 @@ pub fn starter(starter: &Starter) -> Result<Started, ExperimentError> {
     let _ = write!(text, "\n[budget]\nepochs = {epochs}\nslots = {slots}   # parallel proposals of an epoch\n");
     for name in &names {
         let _ = write!(text, "\n[[lineage]]\nid = \"{name}-{suffix}\"\nfamily = \"{name}\"\nego = \"{ego}\"\n");
+        if starter.learned {
+            let policy = if staged { PUBLISHED } else { "evodrive:sac-metadrive" };
+            let _ = writeln!(text, "policy = \"{policy}\"   # docs/EGOS.md; or weights of your own");
+        }
         if let Some(start) = &starter.start {
             let named = toml::Value::String(start.to_string_lossy().into_owned());
             let _ = writeln!(text, "parent_program = {named}   # evolution starts from it");
@@ -126,7 +134,7 @@ const MODEL: &str = "\n# A language model of your own in place of the rules that
     # command = { program = [\"python3\", \"my_model.py\"], timeout_s = 600 }\n";
 
 /// The protocol of families that move traffic staged for them.
-const STAGED: &str = "safebench";
+pub const STAGED: &str = "safebench";
 
 /// The families that are named, in their order, or all of their protocol by name.
 fn chosen(starter: &Starter) -> Result<Vec<Source>, OptionError> {

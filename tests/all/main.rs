@@ -50,6 +50,7 @@ mod piloting;
 mod plan;
 mod pools;
 mod programs;
+mod published_ego;
 mod quickstart;
 mod readme;
 mod realism;

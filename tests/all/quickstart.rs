@@ -343,6 +343,7 @@ fn help_texts_are_goldens() {
     for command in ["plan", "work", "merge", "withdraw"] {
         text += &format!("\n---- evodrive shard {command} --help\n{}", run(&["shard", command, "--help"]).stdout);
     }
+    text += &format!("\n---- evodrive policy import --help\n{}", run(&["policy", "import", "--help"]).stdout);
     for command in ["create", "inspect", "verify", "import"] {
         text += &format!("\n---- evodrive bundle {command} --help\n{}", run(&["bundle", command, "--help"]).stdout);
     }

@@ -42,6 +42,9 @@ pub struct Options {
     /// Without it the ego is IDM.
     #[arg(long)]
     pub driver: Option<PathBuf>,
+    /// Ego under test: idm, or learned, which is ChatScene's published SAC for SafeBench's families and ours for the others.
+    #[arg(long, default_value = "idm", value_parser = ["idm", "learned"], conflicts_with = "driver")]
+    pub ego: String,
 }
 
 /// A family as it is typed; whether there is one of that name is asked when the file is written.
@@ -66,6 +69,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         all: options.all,
         scenes,
         driver,
+        learned: options.ego == "learned",
         epochs: options.epochs,
         slots: options.slots,
         held_out: options.held_out,

@@ -43,8 +43,8 @@ pub struct Options {
     /// Only the scene with this id; may be repeated.
     #[arg(long)]
     pub scene: Vec<String>,
-    /// Driver under test: idm, idm-lights, replay, or the weights of a learned one (a file that ends in .safetensors); without
-    /// it the one that the program was evolved against.
+    /// Driver under test: idm, idm-lights, replay, or the weights of a learned one (a file that ends in .safetensors, or a name as
+    /// evodrive:sac-chatscene); without it the one that the program was evolved against.
     #[arg(long)]
     pub ego: Option<String>,
     /// Your planner as the driver: a program, a .py file, or a .toml file with a table [driver] (docs/EGOS.md).
@@ -168,7 +168,7 @@ pub fn under_test(
 
 /// A driver by its name, or by the file of its weights.
 pub fn driver(name: &str) -> Result<Policy, Failure> {
-    if name.ends_with(".safetensors") {
+    if egos::is_weights(name) {
         return egos::learned(Path::new(name));
     }
     name.parse().map_err(|error| match error {

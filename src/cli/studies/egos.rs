@@ -2,6 +2,7 @@
 
 use clap::Args;
 use serde_json::json;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use crate::backend::{Answers, NoOutcome, Under, is_abandoned, is_too_slow};
@@ -11,7 +12,7 @@ use crate::cli::studies::train::lessons;
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::Failure;
 use crate::ego::Policy;
-use crate::experiment::Experiment;
+use crate::experiment::{Experiment, shipped_weights};
 use crate::kernel::{Seed, Threads};
 use crate::learn::{Lesson, Trial, figures, trial};
 use crate::scene::Pool;
@@ -26,7 +27,7 @@ const WEIGHTS_BYTES_MAX: u64 = 64 << 20;
 pub struct Options {
     /// Experiment file whose held-out scenes are driven, e.g. experiments/metadrive/cat-sac.toml; its learned egos drive too.
     pub experiment: PathBuf,
-    /// Weights of a learned ego; may be repeated.
+    /// Weights of a learned ego: a file, or a name of policies/ as evodrive:sac-chatscene; may be repeated.
     #[arg(long)]
     pub policy: Vec<PathBuf>,
     /// Your planner, which drives too: a program, a .py file, or a .toml file with a table [driver]; may be repeated.
@@ -119,10 +120,19 @@ fn planned(path: &Path, asked: &Asked, lessons: &[Lesson], seed: u64, threads: &
     }
 }
 
-/// The ego whose weights a file holds.
+/// Whether a word names weights: those that the program carries, or a file of them.
+pub fn is_weights(word: &str) -> bool {
+    word.ends_with(".safetensors") || shipped_weights("", word).is_some()
+}
+
+/// The ego whose weights a file holds, or that the program carries under this name.
 pub fn learned(path: &Path) -> Result<Policy, Failure> {
-    let bytes = store::read_bounded(path, WEIGHTS_BYTES_MAX)?;
-    Policy::learned(&bytes).map_err(|error| Failure::bad_input(format!("{}: {error}", path.display())))
+    let name = path.display().to_string();
+    let bytes = match shipped_weights("--policy", &name) {
+        Some(bytes) => Cow::Borrowed(bytes.map_err(Failure::bad_input)?),
+        None => Cow::Owned(store::read_bounded(path, WEIGHTS_BYTES_MAX)?),
+    };
+    Policy::learned(&bytes).map_err(|error| Failure::bad_input(format!("{name}: {error}")))
 }
 
 fn table(count: usize, rows: &[Driven]) -> String {

@@ -17,6 +17,7 @@ mod paper_pages;
 mod paper_runs;
 mod paper_sheets;
 mod plant_changes;
+pub mod policy;
 pub mod program;
 pub mod program_check;
 pub mod program_diff;

@@ -37,7 +37,7 @@ impl TestDriver {
             "idm" | "idm-lights" | "replay" => {
                 Ok(TestDriver::Policy(word.to_string(), word.parse().map_err(Failure::internal)?))
             }
-            _ if word.ends_with(".safetensors") => Ok(TestDriver::Policy(file_name(), egos::learned(path)?)),
+            _ if egos::is_weights(word) => Ok(TestDriver::Policy(file_name(), egos::learned(path)?)),
             _ if path.exists() || path.components().count() > 1 || path.extension().is_some() => {
                 Ok(TestDriver::Planner(named_driver(path)?))
             }

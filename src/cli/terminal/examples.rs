@@ -48,6 +48,7 @@ const EXAMPLES: &[(&str, &str)] = &[
         "evodrive suite play golden/suite/starter.suite --case king:synth/curve/20261126/3 --driver idm --driver standing --out play.html",
     ),
     ("leaderboard", "evodrive leaderboard golden/suite/starter.suite --driver idm --driver standing"),
+    ("policy import", "evodrive policy import model.pt --out my_policy.safetensors"),
     ("fsck", "evodrive fsck --read"),
     ("report", "evodrive report"),
     ("watch", "evodrive watch runs/RUN"),

@@ -12,7 +12,7 @@ pub const GROUPS: &[(&str, &[&str])] = &[
         &["report", "show", "lineage", "table", "figure", "why", "credit", "impact", "compare", "diff", "world"],
     ),
     ("Scenes", &["scenes", "calibrate", "program", "apply"]),
-    ("Planners", &["suite", "leaderboard", "egos"]),
+    ("Planners", &["suite", "leaderboard", "egos", "policy"]),
     ("Records", &["data", "bundle", "fsck"]),
     ("Studies", &["paper", "claims", "agree", "train", "downstream"]),
     ("Cluster", &["shard", "worker", "bench"]),

@@ -1,12 +1,13 @@
 //! The ego policies.
 
-use crate::ego::network::Mlp;
+use crate::ego::network::{Mlp, tanh};
 use crate::ego::observation::ACTION;
 use crate::ego::{Policy, PolicyError, Setting, Weights};
 use crate::kernel::{Seed, Vec2};
 use crate::scene::{AgentKind, Light, LightState, Scene, Track};
 use crate::sim::scenes::*;
 use crate::sim::*;
+use evodrive::synth::{FamilyOptions, family_member};
 
 #[test]
 fn policies_are_found_by_their_names_and_differ_in_their_digests() {
@@ -175,4 +176,46 @@ fn the_sections_of_an_opendrive_road_are_one_lane_and_two_roads_are_not() {
     assert_eq!(flag("7/0/-1", "7/1/-2"), 0.0);
     assert_eq!(flag("7/0/-1", "8/0/-1"), 0.0);
     assert_eq!(flag("a", "b"), 0.0);
+}
+
+/// ChatScene's network.
+fn published() -> Weights {
+    Weights::from_bytes(include_bytes!("../../../policies/sac-chatscene.safetensors")).unwrap()
+}
+
+#[test]
+fn chatscenes_network_steers_back_to_the_route_and_slows_behind_a_vehicle() {
+    let weights = published();
+    let acts = |seen: [f32; 4]| {
+        let (mut values, mut spare) = (seen.to_vec(), Vec::new());
+        weights.actor.apply(&mut values, &mut spare);
+        [tanh(values[0]), tanh(values[1])]
+    };
+    let steers = |offset, turn| acts([offset, turn, 6.0, 0.0])[0];
+    assert!(steers(-1.0, 0.0) > steers(0.0, 0.0) && steers(0.0, 0.0) > steers(1.0, 0.0), "back from either side");
+    assert!(steers(0.0, -0.1) > 0.3 && steers(0.0, 0.1) < -0.1, "a turn to the left is positive");
+    // Pedals that torch gives: alone, then with a vehicle ahead.
+    for (speed, alone, behind) in [(6.0, 0.99984, 0.85560), (7.0, 0.53615, 0.04552)] {
+        let pedal = |flag| acts([0.0, 0.0, speed, flag])[1];
+        assert!((pedal(0.0) - alone).abs() < 1e-4 && (pedal(1.0) - behind).abs() < 1e-4, "{speed}");
+    }
+}
+
+/// With the other sign of the second number it turns away from the route: so sharp is the difference between the two settings.
+#[test]
+fn chatscenes_network_keeps_to_its_routes_by_the_sign_that_it_was_trained_with_and_by_no_other() {
+    let options = FamilyOptions::all();
+    let every = options.count() / 8;
+    let plants: Vec<Plant> =
+        (0..8).map(|i| Plant::new(&family_member(&options, Seed(7), i * every).unwrap()).unwrap()).collect();
+    let driven = |setting| {
+        let policy = Policy::Learned(Weights { setting, ..published() });
+        let rides = plants.iter().map(|plant| rollout(plant, &Intervention::default(), &mut *policy.driver()).unwrap());
+        let rides: Vec<Outcome> = rides.collect();
+        let off = rides.iter().filter(|ride| ride.end == End::OffRoad).count();
+        (rides.iter().map(|ride| ride.route_completion).sum::<f64>() / 8.0, off)
+    };
+    let (right, wrong) = (driven(Setting::Safebench2), driven(Setting::Safebench1));
+    assert!(right.0 > 0.98 && right.1 == 0, "{right:?}");
+    assert!(wrong.0 < 0.5 && wrong.1 >= 7, "{wrong:?}");
 }

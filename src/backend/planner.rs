@@ -138,9 +138,7 @@ impl<'p> Planner<'p> {
             (None, Some(points), None, None) if !points.is_empty() => Ok(Wish::Drive(along(view, &points))),
             (None, None, Some(action), None) => match self.asked.observe {
                 Some(setting) => Ok(Wish::Drive(setting.control(view, action))),
-                None => Err(wrong(
-                    "an action, which driver.observe = \"metadrive-1\" or another observation gives a meaning",
-                )),
+                None => Err(wrong("an action, which only driver.observe gives a meaning (docs/EGOS.md)")),
             },
             (None, None, None, Some(word)) => match is_word(&word) {
                 true => Ok(Wish::Abandon(word)),

@@ -76,12 +76,12 @@ pub fn weights(tensors: &[(&str, &[usize], &[f32])]) -> Result<Vec<u8>, Checkpoi
     let Some(layout) = LAYOUTS.iter().find(|layout| layout.layers.iter().chain(&layout.spread).all(|name| has(name)))
     else {
         let known = LAYOUTS.iter().map(|of| format!("{} ({})", of.trainings, of.layers.join(", ")));
-        let mut found: Vec<&str> = tensors.iter().map(|(name, ..)| *name).take(8).collect();
-        if tensors.len() > found.len() {
-            found.push("..");
+        let mut names: Vec<&str> = tensors.iter().map(|(name, ..)| *name).take(8).collect();
+        if tensors.len() > names.len() {
+            names.push("..");
         }
         let expected = known.collect::<Vec<_>>().join(" or of ");
-        return Err(CheckpointError::Layout { found: found.join(", "), expected });
+        return Err(CheckpointError::Layout { found: names.join(", "), expected });
     };
     let read = |layer: &str, inputs, outputs: Option<usize>| dense(tensors, layer, inputs, outputs);
     let [first, second, mean] = layout.layers;

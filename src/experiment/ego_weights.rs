@@ -7,8 +7,8 @@ use std::path::Path;
 use toml::{Table, Value};
 
 use super::key::shown;
-use super::place::{Place, shipped_weights};
-use super::{ExperimentError, OptionError, STAGED};
+use super::place::{PUBLISHED, Place, STAGED, shipped_weights};
+use super::{ExperimentError, OptionError};
 use crate::ego::Policy;
 use crate::families;
 use crate::kernel::{Digest, hex};
@@ -17,8 +17,6 @@ use crate::store;
 
 /// The ego that takes weights.
 const LEARNED: &str = "learned";
-/// The learned ego of SafeBench's families where a lineage names none: ChatScene's.
-pub const PUBLISHED: &str = "evodrive:sac-chatscene";
 /// Bytes that a file of weights may have.
 const WEIGHTS_BYTES_MAX: u64 = 64 << 20;
 

@@ -49,6 +49,5 @@ pub use program_file::{
 pub use scenes::{read_pool, read_scenes, read_scenes_as};
 pub use schema::schema;
 pub use set::read as typed_value;
-use starter::STAGED;
 pub use starter::{Started, Starter, starter};
 pub use training_file::TrainingFile;

@@ -88,13 +88,7 @@ fn heard(driver: &Table) -> Result<(Option<Setting>, bool), (&'static str, Strin
         None => None,
         Some(value) => match Setting::ALL.into_iter().find(|setting| value.as_str() == Some(setting.name())) {
             Some(setting) => Some(setting),
-            None => {
-                return Err((
-                    "observe",
-                    value.to_string(),
-                    "\"metadrive-1\", \"safebench-1\" or \"safebench-2\" (docs/EGOS.md)",
-                ));
-            }
+            None => return Err(("observe", value.to_string(), "\"metadrive-1\" or another of docs/EGOS.md")),
         },
     };
     match driver.get("blind").map_or(Some(true), Value::as_bool) {

@@ -16,6 +16,9 @@ pub const PROTOCOLS: [(&str, &str); 2] = [
     ("safebench", include_str!("../../experiments/protocols/safebench.toml")),
 ];
 
+/// The protocol of families that move traffic staged for them.
+pub const STAGED: &str = "safebench";
+
 /// The calibrations that the program carries: name and file.
 const CALIBRATIONS: [(&str, &str); 2] = [
     ("recorded", include_str!("../../experiments/calibration/recorded.toml")),
@@ -35,6 +38,9 @@ const POLICIES: [(&str, &[u8]); 4] = [
     ("sac-metadrive", include_bytes!("../../policies/sac-metadrive.safetensors")),
     ("sac-metadrive-2", include_bytes!("../../policies/sac-metadrive-2.safetensors")),
 ];
+
+/// The learned ego of SafeBench's families where a lineage names none.
+pub const PUBLISHED: &str = "evodrive:sac-chatscene";
 
 /// The weights behind a name that begins with `evodrive:`; `None` for the name of a file.
 ///

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use super::ego_weights::PUBLISHED;
 use super::key::Range;
+use super::place::{PUBLISHED, STAGED};
 use super::{ExperimentError, OptionError, PlannerFile};
 use crate::families;
 use crate::objects::FamilyName;
@@ -132,9 +132,6 @@ const MODEL: &str = "\n# A language model of your own in place of the rules that
     # [roles]\n# actor = \"mine\"\n# repair = \"mine\"\n# [models.mine]\n# kind = \"command\"\n# model = \"mine-1\"\n\
     # provenance = \"my_model.py\"\n# unwrap = true   # takes code fences, think blocks and the like off around a reply\n\
     # command = { program = [\"python3\", \"my_model.py\"], timeout_s = 600 }\n";
-
-/// The protocol of families that move traffic staged for them.
-pub const STAGED: &str = "safebench";
 
 /// The families that are named, in their order, or all of their protocol by name.
 fn chosen(starter: &Starter) -> Result<Vec<Source>, OptionError> {

@@ -15,7 +15,7 @@ const ALLOWED: &[(&str, &str)] = &[
     ("compiler/prepared compiler/walk", "a prepared program, and its way through a scene"),
     (
         "formats/scenarionet/pickle formats/scenarionet/pickle/json formats/scenarionet/pickle/machine \
-         formats/scenarionet/pickle/numpy formats/scenarionet/pickle/write",
+         formats/scenarionet/pickle/numpy formats/scenarionet/pickle/torch formats/scenarionet/pickle/write",
         "a tree of values, the machine that builds it, and the writer that takes it apart",
     ),
     ("llm llm/record llm/replay", "who may be asked, and those who answer"),

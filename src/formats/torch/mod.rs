@@ -56,8 +56,8 @@ pub fn state_dict(file: &str, bytes: &[u8], under: &[&str]) -> Result<Vec<Tensor
 
 /// The folder of a zip's pickle, and the pickle.
 fn pickled<'a>(file: &str, zip: &Zip<'a>) -> Result<(&'a str, &'a [u8]), ImportError> {
-    let mut found = zip.names().filter_map(|name| name.strip_suffix("/data.pkl").filter(|rest| !rest.contains('/')));
-    match (found.next(), found.next()) {
+    let mut folders = zip.names().filter_map(|name| name.strip_suffix("/data.pkl").filter(|rest| !rest.contains('/')));
+    match (folders.next(), folders.next()) {
         (Some(folder), None) => Ok((folder, zip.entry(&format!("{folder}/data.pkl"))?)),
         _ => Err(ImportError::new(file, "its list", "one entry FOLDER/data.pkl", REMEDY)),
     }
@@ -131,6 +131,11 @@ fn tensors<'a>(
         if all > NUMBERS_MAX {
             return Err(place(format!("at most {NUMBERS_MAX} numbers in all, with shape {:?}", tensor.shape)));
         }
+        let number: fn(&[u8]) -> Option<f32> = match storage.class {
+            "FloatStorage" => |raw| raw.first_chunk().map(|raw| f32::from_le_bytes(*raw)),
+            "DoubleStorage" => |raw| raw.first_chunk().map(|raw| f64::from_le_bytes(*raw) as f32),
+            other => return Err(place(format!("float32 or float64 numbers, found a {other}"))),
+        };
         let raw = bytes(storage)?;
         if Some(raw.len()) != storage.count.checked_mul(storage.number_bytes) {
             let found = raw.len();
@@ -139,11 +144,6 @@ fn tensors<'a>(
                 storage.count, storage.number_bytes
             )));
         }
-        let number: fn(&[u8]) -> Option<f32> = match storage.class {
-            "FloatStorage" => |raw| raw.first_chunk().map(|raw| f32::from_le_bytes(*raw)),
-            "DoubleStorage" => |raw| raw.first_chunk().map(|raw| f64::from_le_bytes(*raw) as f32),
-            other => return Err(place(format!("float32 or float64 numbers, found a {other}"))),
-        };
         let mut values = Vec::with_capacity(count.unwrap_or(0));
         for place_in in 0..count.unwrap_or(0) {
             let at = tensor.place(place_in).and_then(|at| at.checked_mul(storage.number_bytes));

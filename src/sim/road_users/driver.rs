@@ -129,16 +129,16 @@ impl View<'_> {
     pub fn is_behind_vehicle_in_lane(&self, reach_m: f64) -> bool {
         let own = self.ego.sample.position;
         let lane_of = |point| self.plant.lanes().nearest_lane_any_heading(point, LANE_WITHIN_M).map(|place| place.lane);
-        let (mut own_lane, mut found) = (None, false);
+        let (mut own_lane, mut is_behind) = (None, false);
         self.world.for_each_near(self.plant, self.k, own, reach_m, |near| {
             let drives = matches!(near.size.kind, AgentKind::Vehicle | AgentKind::Cyclist);
-            if found || !drives || (near.position - own).dot(self.ego.axis) <= 0.0 {
+            if is_behind || !drives || (near.position - own).dot(self.ego.axis) <= 0.0 {
                 return;
             }
             let lanes = (*own_lane.get_or_insert_with(|| lane_of(own)), lane_of(near.position));
-            found = matches!(lanes, (Some(a), Some(b)) if is_one_lane(&self.plant.scene().road, a, b));
+            is_behind = matches!(lanes, (Some(a), Some(b)) if is_one_lane(&self.plant.scene().road, a, b));
         });
-        found
+        is_behind
     }
 
     /// The lane by which MetaDrive's driver steers, and the ego's place on it; `None` for a car that is steered by the route.

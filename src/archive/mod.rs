@@ -18,4 +18,4 @@ pub use paired::{Account, MeanOverScenes, Means, Measure, Panel, is_shown};
 pub use pf_area::pf_area_pct;
 pub use plane::{hypervolume, non_dominated, non_dominated_with_copies, point, ranks};
 pub use promotion::{Leaders, PromotionRule, promote};
-pub use selector::{Contender, Selection, SelectionRule, SelectorOptions, select_active};
+pub use selector::{Contender, Selection, SelectionRule, SelectorOptions, first_by_rule, select_active};

@@ -88,6 +88,17 @@ impl Selection {
     }
 }
 
+/// The first `k` by the rule, each chosen from those that are left. Whoever acts nowhere is none of them.
+pub fn first_by_rule(mut contenders: Vec<Contender>, k: usize, options: &SelectorOptions) -> Vec<SolutionId> {
+    contenders.retain(|contender| contender.coverage > 0.0);
+    let mut first = Vec::new();
+    while let Some(next) = select_active(&contenders, options).filter(|_| first.len() < k) {
+        contenders.retain(|contender| contender.solution != next.solution);
+        first.push(next.solution);
+    }
+    first
+}
+
 /// Applies the rule to contenders in their fixed order (the parent first). Whoever acts nowhere is no contender, but the
 /// parent stays where nobody else is left. `None` of nobody.
 pub fn select_active(contenders: &[Contender], options: &SelectorOptions) -> Option<Selection> {

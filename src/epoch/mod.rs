@@ -22,6 +22,7 @@ mod state;
 #[cfg(test)]
 mod tests;
 
+pub use acceptance::redraw::{Redraw, Replaced};
 pub use ahead::carried::{Carried, RecordedAnswer};
 pub use ahead::plan::plan;
 pub use ahead::walk::{Walk, WalkRecord};

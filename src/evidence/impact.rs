@@ -14,6 +14,9 @@ use crate::objects::{AttemptId, Exchange, LineageId, SolutionId};
 /// Hex digits that a short digest must have.
 const DIGITS_MIN: usize = 4;
 
+/// What follows a scene's name where its parent was drawn anew (docs/OBJECTIVES.md).
+const REDRAW: &str = "/redraw";
+
 /// What a digest or a name stands for in a run.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Thing {
@@ -234,7 +237,9 @@ impl Rests<'_> {
         let mut numbers = BTreeSet::new();
         let mut through = BTreeSet::new();
         for (basis, part) in self.parts().filter(|(_, part)| part.run == run) {
-            for leaf in part.leaves.iter().filter(|leaf| leaf.name == scene && !of_one_program(leaf)) {
+            let redrawn = |leaf: &Leaf| leaf.name.strip_prefix(scene).is_some_and(|ending| ending.starts_with(REDRAW));
+            let own = |leaf: &&Leaf| leaf.name == scene || solution.is_none() && redrawn(leaf);
+            for leaf in part.leaves.iter().filter(own).filter(|leaf| !of_one_program(leaf)) {
                 if solution.is_none() && leaf.programs.is_empty() && leaf.attempt.is_none() {
                     through.insert(format!("the replay of {scene}"));
                 }

@@ -8,7 +8,7 @@ use serde::{Serialize, de::DeserializeOwned};
 
 use crate::archive::ArchiveOptions;
 use crate::kernel::Digest;
-use crate::objects::benchmark::ArchiveRound;
+use crate::objects::benchmark::{ArchiveRound, Redrawn};
 use crate::objects::{
     Attempt, Composed, Counselled, LineageId, SceneScore, Score, SolutionId, WorldEvolved,
     event::{Finalist, Frozen, HeldOut, LineageResult, Opened, ParentAdopted, RunResult, Settled, kind},
@@ -75,6 +75,8 @@ pub struct RunEvents {
     pub result: Option<RunResult>,
     /// Hash of the last event.
     pub root: Digest,
+    /// The controls of SafeBench's archives, one a lineage; none where nobody drew the parents anew. They are worked out behind the seal.
+    pub redrawn: Vec<Redrawn>,
     /// How a seed of its experiment was chosen, as the experiment says it. The events do not hold it: who has the run's folder adds it.
     pub seed_note: Option<String>,
     /// What no event holds.
@@ -181,6 +183,7 @@ impl RecordedRun {
             replays: Vec::new(),
             result: None,
             root,
+            redrawn: Vec::new(),
             seed_note: None,
             declared: Declared::default(),
         }))

@@ -122,3 +122,17 @@ pub struct SelectedScene {
     /// The run itself, to compute the score of any set of runs.
     pub run: SafebenchRun,
 }
+
+/// The control of a lineage's archive: the same search with the parent, drawn anew, in the place of every program that was labelled.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Redrawn {
+    /// Whose archive it is set beside.
+    pub lineage: LineageId,
+    /// Programs whose place the parent took.
+    pub programs: usize,
+    /// What balanced selection keeps after every round, from the parent's own scenes alone on. A redrawn scene ends in `/redrawNN`.
+    pub rounds: Vec<ArchiveRound>,
+    /// PF-Area@3 of each group, percent.
+    pub pf_area_at_3_pct_by_group: BTreeMap<String, f64>,
+}

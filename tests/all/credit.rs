@@ -130,7 +130,7 @@ fn credit_of_another_run_is_not_shown_and_a_changed_number_is_damage() {
     assert_ne!(changed, text);
     std::fs::write(&kept, changed).unwrap();
     let ran = run(&["report", "--run", name]);
-    assert!(ran.code == 5 && ran.stderr.contains("credit.json: expected credits of digest"), "{}", ran.stderr);
+    assert!(ran.code == 5 && ran.stderr.contains("credit.json: expected contents of digest"), "{}", ran.stderr);
     // Working it out again mends it.
     assert_eq!(run(&["credit", "adv_bmt-idm", "--run", name]).code, 0);
     assert_eq!(std::fs::read_to_string(&kept).unwrap(), text);

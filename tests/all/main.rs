@@ -55,6 +55,7 @@ mod quickstart;
 mod readme;
 mod realism;
 mod recorded_traffic;
+mod redraws;
 mod report;
 mod sac;
 mod scene_commonroad;

@@ -19,7 +19,6 @@ use crate::cli::scenes::files;
 use crate::cli::studies::{apply as applying, packed};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::{exit::Failure, width::stdout_width};
-use crate::ego::Policy;
 use crate::epoch::{Applied, SceneEntry};
 use crate::evidence::RecordedRun;
 use crate::evidence::choice::Choice;
@@ -240,7 +239,7 @@ fn credit(
     let way = Way::of(run, solution, how.operations)?;
     let sources = families::sources();
     let source = sources.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
-    let (asked, ego) = match (how.ego, how.driver, own_weights(folder, &file)?) {
+    let (asked, ego) = match (how.ego, how.driver, packed::own_weights(folder, &file)?) {
         (None, None, Some(learned)) => (None, learned),
         (ego, driver, _) => applying::under_test(&file, ego, (driver, None))?,
     };
@@ -303,16 +302,6 @@ fn credit(
             .ok_or_else(|| Failure::bad_input(format!("{solution}: {}", none())))?,
         edits: way.edits.iter().zip(&variants).map(of_edit).collect(),
     })
-}
-
-/// The learned ego that the run's experiment names for a program's lineage; `None` where its ego is another one.
-fn own_weights(folder: &RunFolder, file: &ProgramFile) -> Result<Option<Policy>, Failure> {
-    let lineage = file.program.lineage_id.as_str();
-    let is_own = |id: &str| id == lineage || lineage.starts_with(&format!("{id}-s"));
-    let experiment = folder.read_experiment()?;
-    let drivers = experiment.lineages.iter().filter(|of| is_own(of.id.as_str())).map(|of| of.driver());
-    let learned = |driver: &Result<Policy, String>| driver.as_ref().is_ok_and(|of| matches!(of, Policy::Learned(_)));
-    drivers.into_iter().find(learned).transpose().map_err(Failure::bad_input)
 }
 
 /// Program hash -> its labels, or why it has none.

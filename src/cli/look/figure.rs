@@ -4,7 +4,7 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-use crate::cli::look::{credit, playables, rollout};
+use crate::cli::look::{credit, playables, redraws, rollout};
 use crate::cli::records::folder::RunFolder;
 use crate::cli::records::run_name::{OneRun, Runs};
 use crate::cli::scenes::files;
@@ -134,7 +134,10 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         matches!(options.figure, Which::Architecture | Which::Method) && options.runs.named().next().is_none();
     let folders = if needs_none { Vec::new() } else { options.runs.folders()? };
     let with_folder = |folder: RunFolder| -> Result<FolderAndRun, Failure> {
-        let run = folder.recorded()?;
+        let run = match options.figure {
+            Which::CarlaPareto => redraws::recorded(&folder, jobs)?,
+            _ => folder.recorded()?,
+        };
         Ok((folder, run))
     };
     let runs = folders.into_iter().map(with_folder).collect::<Result<Vec<_>, _>>()?;

@@ -3,7 +3,7 @@
 use clap::Args;
 use std::collections::BTreeMap;
 
-use crate::cli::look::why;
+use crate::cli::look::{redraws, why};
 use crate::cli::records::{folder::RunFolder, run_name::Runs};
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::evidence::impact;
@@ -24,7 +24,8 @@ pub struct Options {
 
 pub fn run(options: &Options) -> Result<Answer, Failure> {
     let folders = options.runs.folders()?;
-    let runs = folders.iter().map(RunFolder::recorded).collect::<Result<Vec<_>, _>>()?;
+    let recorded = |folder: &RunFolder| redraws::with_kept(folder, folder.recorded()?);
+    let runs = folders.iter().map(recorded).collect::<Result<Vec<_>, _>>()?;
     let scenes = folders.iter().map(scenes).collect::<Result<Vec<_>, _>>()?;
     let known = impact::things(&runs, &scenes);
     let (name, things) = impact::find(&known, &options.object).map_err(Failure::bad_input)?;

@@ -15,6 +15,7 @@ pub mod others;
 pub mod page;
 pub mod playables;
 mod program_words;
+pub mod redraws;
 pub mod report;
 pub mod rollout;
 pub mod show;

@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 
-use crate::cli::look::table_options;
+use crate::cli::look::{redraws, table_options};
 use crate::cli::records::{folder::RunFolder, run_name::Runs};
 use crate::cli::terminal::{answer::Answer, answer::progress, exit::Failure, width::stdout_width};
 use crate::evidence::RecordedRun;
@@ -74,6 +74,16 @@ impl Which {
         table.ok_or_else(|| format!("no table `{name}`{}; there are {}", cell::near(name, &known), known.join(", ")))
     }
 
+    /// Whether its numbers are compared with parents that are drawn anew.
+    pub fn needs_redraws(self) -> bool {
+        matches!(self, Which::SafebenchMain | Which::SafebenchRounds)
+    }
+
+    /// A finished run of a folder, with what the table needs besides its events.
+    pub fn recorded(self, folder: &RunFolder, jobs: usize) -> Result<RecordedRun, Failure> {
+        if self.needs_redraws() { redraws::recorded(folder, jobs) } else { folder.recorded() }
+    }
+
     /// The table of these runs.
     pub fn of(self, runs: &[RecordedRun]) -> Result<Table, TableError> {
         let (_, make) = tables::NAMED[self as usize];
@@ -101,8 +111,9 @@ impl Format {
     }
 }
 
-pub fn run(options: &Options) -> Result<Answer, Failure> {
-    let runs = options.runs.folders()?.iter().map(RunFolder::recorded).collect::<Result<Vec<_>, _>>()?;
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let folders = options.runs.folders()?;
+    let runs = folders.iter().map(|folder| options.table.recorded(folder, jobs)).collect::<Result<Vec<_>, _>>()?;
     let table = options.table.of(&runs).map_err(Failure::bad_input)?;
     let table = table_options::rows("--rows", &options.rows, table)?;
     let table = match (options.columns.as_slice(), options.format) {

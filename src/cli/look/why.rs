@@ -36,10 +36,10 @@ pub struct Options {
     pub full: bool,
 }
 
-pub fn run(options: &Options) -> Result<Answer, Failure> {
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let (table, row, column) = split(&options.cell)?;
     let folders = options.runs.folders()?;
-    let runs = folders.iter().map(RunFolder::recorded).collect::<Result<Vec<_>, _>>()?;
+    let runs = folders.iter().map(|folder| table.recorded(folder, jobs)).collect::<Result<Vec<_>, _>>()?;
     let table = table.of(&runs).map_err(Failure::bad_input)?;
     let named = cell::find(&table, row, column).map_err(Failure::bad_input)?;
     let bases = Bases::of(&table, &runs).map_err(Failure::bad_input)?;

@@ -271,6 +271,11 @@ impl RunFolder {
         self.dir.join("credit.json")
     }
 
+    /// The control of SafeBench's archives: the parents, drawn as often.
+    pub fn redrawn(&self) -> PathBuf {
+        self.dir.join("redrawn.json")
+    }
+
     pub fn result(&self) -> PathBuf {
         self.dir.join("result.json")
     }

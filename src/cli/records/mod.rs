@@ -5,6 +5,7 @@ pub mod bundle_replay;
 pub mod covered;
 pub mod folder;
 pub mod fsck;
+pub mod kept;
 pub mod redacted;
 pub mod run_name;
 pub mod setting;

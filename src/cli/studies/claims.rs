@@ -5,7 +5,8 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use crate::cli::records::run_name::Runs;
+use crate::cli::look::redraws;
+use crate::cli::records::{folder::RunFolder, run_name::Runs};
 use crate::cli::scenes::files::threads;
 use crate::cli::studies::downstream;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
@@ -44,8 +45,11 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         _ => (Path::new(CLAIMS), options.runs.clone().behind(&options.file)),
     };
     let threads = threads(jobs)?;
-    let recorded_runs = threads.map(&runs.folders()?, |_, folder| folder.recorded());
-    let recorded_runs = recorded_runs.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let folders = runs.folders()?;
+    let recorded_runs = threads.map(&folders, |_, folder| folder.recorded());
+    let with_controls =
+        |(folder, run): (&RunFolder, Result<RecordedRun, Failure>)| redraws::with_all(folder, run?, jobs);
+    let recorded_runs = folders.iter().zip(recorded_runs).map(with_controls).collect::<Result<Vec<_>, _>>()?;
     let verdicts = judged(file, &recorded_runs, &threads)?;
     let text = match options.format {
         Format::Markdown => claims::markdown(&verdicts),

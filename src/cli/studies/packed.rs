@@ -6,6 +6,7 @@ use crate::adapters::ADAPTER_VERSION;
 use crate::cli::look::show;
 use crate::cli::records::folder::RunFolder;
 use crate::cli::terminal::exit::Failure;
+use crate::ego::Policy;
 use crate::evaluation::EVAL_VERSION;
 use crate::evidence::RecordedRun;
 use crate::experiment::{
@@ -104,4 +105,14 @@ fn counsel(run: &RecordedRun, pool: &Pool, lineage: &LineageId) -> BTreeMap<Stri
 fn evolution_scenes(run: &RecordedRun, pool: &Pool, start: Option<&ParentProgram>) -> BTreeSet<Digest> {
     let own = run.opened.evolution_scenes.iter().filter_map(|id| Some(pool.scene(id)?.digest()));
     own.chain(start.iter().flat_map(|start| start.evolution_scenes.iter().copied())).collect()
+}
+
+/// The learned ego that the run's experiment names for a program's lineage; `None` where its ego is another one.
+pub fn own_weights(folder: &RunFolder, file: &ProgramFile) -> Result<Option<Policy>, Failure> {
+    let lineage = file.program.lineage_id.as_str();
+    let is_own = |id: &str| id == lineage || lineage.starts_with(&format!("{id}-s"));
+    let experiment = folder.read_experiment()?;
+    let drivers = experiment.lineages.iter().filter(|of| is_own(of.id.as_str())).map(|of| of.driver());
+    let learned = |driver: &Result<Policy, String>| driver.as_ref().is_ok_and(|of| matches!(of, Policy::Learned(_)));
+    drivers.into_iter().find(learned).transpose().map_err(Failure::bad_input)
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::evolve::job_args::{JobArgs, RecordArgs, RunArgs};
 use crate::cli::evolve::run;
-use crate::cli::look::figure;
+use crate::cli::look::{figure, redraws};
 use crate::cli::records::folder::RunFolder;
 use crate::cli::scenes::files::threads;
 use crate::cli::terminal::answer::{Answer, progress};
@@ -59,7 +59,13 @@ pub fn carry_out(plan: &Plan, wanted: &[&Piece], all: bool, how: &How<'_>) -> Re
     let read = threads.map(&folders.iter().collect::<Vec<_>>(), |_, (name, folder)| {
         folder.recorded().map(|recorded| (String::clone(name), recorded))
     });
-    Ok(Ran { recorded_runs: read.into_iter().collect::<Result<_, _>>()?, folders, sources })
+    let mut recorded_runs = read.into_iter().collect::<Result<BTreeMap<_, _>, _>>()?;
+    for (name, run) in &mut recorded_runs {
+        if let Some(folder) = folders.get(name) {
+            *run = redraws::with_all(folder, run.clone(), how.jobs)?;
+        }
+    }
+    Ok(Ran { recorded_runs, folders, sources })
 }
 
 /// Digests of the scenes of experiments, of which many share theirs.

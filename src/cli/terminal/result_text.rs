@@ -116,6 +116,9 @@ pub fn summary(
     let _ = writeln!(out, "\n{}", column_words(experiment.evaluation.safebench().is_some()));
     if !result.lineages.is_empty() {
         let _ = writeln!(out, "\n{}", area_words(&result.lineages));
+        if experiment.evaluation.safebench().is_some() {
+            let _ = writeln!(out, "{REDRAWN}");
+        }
     }
     for sentence in unlabelled {
         let _ = writeln!(out, "\n{sentence}");
@@ -206,6 +209,9 @@ fn column_words(safebench: bool) -> String {
          ->: the program that was chosen, which the run reports."
     )
 }
+
+/// SafeBench's frontier gain is over the parent's one draw of each scene.
+const REDRAWN: &str = "A parent that is drawn as often gains frontier area, too; `evodrive table safebench-main` sets both beside each other.";
 
 /// PF-Area@3 in a sentence of its own: in the row of a program it would be read as that program's.
 fn area_words(lineages: &[LineageResult]) -> String {

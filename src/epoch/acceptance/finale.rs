@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::rounds;
-use crate::archive::{Contender, SelectionRule, SelectorOptions, pf_area_pct, select_active};
+use crate::archive::{Contender, SelectionRule, SelectorOptions, first_by_rule, pf_area_pct, select_active};
 use crate::epoch::RunError;
 use crate::epoch::briefs::counsel;
 use crate::epoch::labelling::labels::Labelling;
@@ -21,7 +21,7 @@ use crate::objects::{
 };
 
 /// k of PF-Area@k, as in the paper's tables.
-const FRONTIER_BUDGET: usize = 3;
+pub const FRONTIER_BUDGET: usize = 3;
 
 /// Chooses and reports, lineage by lineage.
 pub fn report(study: &Study, state: &mut State, desk: &mut Desk<'_>) -> Result<RunResult, RunError> {
@@ -180,13 +180,7 @@ fn choose(
         Some((realism_min, chosen.rule == SelectionRule::RealismConstrained, chosen.solution))
     });
     let at_realism = at_realism.collect();
-    let mut rest = contenders.split_off(1);
-    rest.retain(|contender| contender.coverage > 0.0);
-    let mut top = Vec::new();
-    while let Some(next) = select_active(&rest, &study.selector).filter(|_| top.len() < FRONTIER_BUDGET) {
-        rest.retain(|c| c.solution != next.solution);
-        top.push(next.solution);
-    }
+    let top = first_by_rule(contenders.split_off(1), FRONTIER_BUDGET, &study.selector);
     Ok(Choice {
         reason: active.reason(),
         active: active.solution,

@@ -4,6 +4,7 @@ pub(super) mod consider;
 pub(super) mod evolve;
 pub(super) mod finale;
 pub(super) mod race;
+pub(super) mod redraw;
 pub(super) mod rival;
 pub(super) mod rounds;
 pub(super) mod seal;

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::archive::pf_area_pct;
+use crate::archive::{ArchiveOptions, pf_area_pct};
 use crate::epoch::RunError;
 use crate::epoch::labelling::measure::{groups, staged_runs};
 use crate::epoch::setting::desk::Desk;
@@ -39,9 +39,7 @@ pub fn record(
     Ok(())
 }
 
-/// PF-Area@k of every group of the study, percent. A point of a group is a program's score over the group's runs; a
-/// group without an eligible descendant gains nothing. Eligible is who acts in the group and is valid there (its ARS is
-/// not 0).
+/// PF-Area@k of every group of the study, percent.
 pub fn pf_area_by_group_pct(
     study: &Study,
     options: &SafebenchOptions,
@@ -51,16 +49,31 @@ pub fn pf_area_by_group_pct(
     desk: &Desk<'_>,
 ) -> Result<BTreeMap<String, f64>, RunError> {
     let groups = groups(study, &study.evolution);
-    let points = |score: &Score| -> Result<BTreeMap<Group, Objectives>, RunError> {
+    let points = |score: &Score| -> Result<Points, RunError> {
         let failed = score.failures.iter().filter_map(|failure| groups.get(failure.scene.as_str()).copied());
         Ok(group_points(&staged_runs(study, options, score, &desk.tools)?, &failed.collect::<Vec<Group>>()))
     };
     let before = points(parent)?;
     let after = descendants.iter().map(|score| points(score)).collect::<Result<Vec<_>, _>>()?;
+    Ok(gains_pct(groups.values().copied(), &before, &after, k, &study.archive))
+}
+
+/// A program's point in every group that it acts in: its score over the group's runs.
+pub type Points = BTreeMap<Group, Objectives>;
+
+/// PF-Area@k of these groups, percent. A group without an eligible descendant gains nothing. Eligible is who acts in the group and is
+/// valid there (its ARS is not 0).
+pub fn gains_pct(
+    groups: impl Iterator<Item = Group>,
+    before: &Points,
+    after: &[Points],
+    k: usize,
+    options: &ArchiveOptions,
+) -> BTreeMap<String, f64> {
     let gain = |group: Group| {
         let own: Vec<Objectives> = before.get(&group).copied().into_iter().collect();
         let eligible = after.iter().filter_map(|points| points.get(&group)).filter(|point| point.realism > 0.0);
-        (group_name(group), pf_area_pct(&own, &eligible.copied().collect::<Vec<_>>(), k, &study.archive))
+        (group_name(group), pf_area_pct(&own, &eligible.copied().collect::<Vec<_>>(), k, options))
     };
-    Ok(groups.values().copied().collect::<BTreeSet<Group>>().into_iter().map(gain).collect())
+    groups.collect::<BTreeSet<Group>>().into_iter().map(gain).collect()
 }

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::error::FigureError;
 use super::legend::{self, source};
 use crate::archive::hypervolume;
-use crate::draw::{Axes, BLACK, Figure, Ink, Mark, ORANGE, Scale};
+use crate::draw::{Axes, BLACK, BLUE, Figure, Ink, Mark, ORANGE, Scale};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::LineageId;
@@ -32,78 +32,90 @@ pub fn areas(rounds: &[&ArchiveRound]) -> BTreeMap<String, Vec<f64>> {
     groups.into_iter().map(|group| (group.to_string(), of(group))).collect()
 }
 
-/// The rounds of every lineage, in their order.
-fn lineages<'s>(runs: &'s [RecordedRun]) -> Vec<(&'s LineageId, Vec<&'s ArchiveRound>)> {
-    let of = |run: &'s RecordedRun, lineage: &'s LineageId| {
+/// A lineage's areas, and the means of its parent's where that was drawn as often.
+struct Panel<'s> {
+    lineage: &'s LineageId,
+    areas: BTreeMap<String, Vec<f64>>,
+    redrawn: Vec<f64>,
+}
+
+/// A panel a lineage, in their order.
+fn panels(runs: &[RecordedRun]) -> Vec<Panel<'_>> {
+    let mut panels = Vec::new();
+    for (run, parent) in runs.iter().flat_map(|run| run.parents.iter().map(move |parent| (run, parent))) {
+        let lineage = &parent.lineage;
         let mut rounds: Vec<&ArchiveRound> = run.rounds.iter().filter(|round| round.lineage == *lineage).collect();
         rounds.sort_by_key(|round| round.round);
-        (lineage, rounds)
-    };
-    let all = runs.iter().flat_map(|run| run.parents.iter().map(move |parent| of(run, &parent.lineage)));
-    all.filter(|(_, rounds)| !rounds.is_empty()).collect()
+        let redrawn = run.redrawn.iter().filter(|of| of.lineage == *lineage).flat_map(|of| &of.rounds);
+        if !rounds.is_empty() {
+            let redrawn = means(&areas(&redrawn.collect::<Vec<_>>()));
+            panels.push(Panel { lineage, areas: areas(&rounds), redrawn });
+        }
+    }
+    panels
+}
+
+/// Means over the groups, round by round.
+fn means(areas: &BTreeMap<String, Vec<f64>>) -> Vec<f64> {
+    (0..)
+        .map_while(|round| num::mean(&areas.values().filter_map(|of| of.get(round)).copied().collect::<Vec<_>>()))
+        .collect()
 }
 
 /// A panel a lineage, at most four in a row.
 pub fn area_rounds(runs: &[RecordedRun]) -> Result<Figure, FigureError> {
-    let all = lineages(runs);
-    if all.is_empty() {
+    let measured = panels(runs);
+    if measured.is_empty() {
         return Err(FigureError::NoRounds);
     }
-    let measured: Vec<(&LineageId, BTreeMap<String, Vec<f64>>)> =
-        all.into_iter().map(|(lineage, rounds)| (lineage, areas(&rounds))).collect();
     let rows = measured.len().div_ceil(4);
     let mut sheet = Figure::new(470.0, 20.0 + 155.0 * rows as f64, "Pareto area by group over rounds");
     let signs = [
         (Mark::Square, Ink::fill(FAINT), "a group of family and route"),
         (Mark::Square, Ink::fill(ORANGE), "quartiles of the groups"),
         (Mark::Disc, Ink::fill(BLACK), "mean over the groups"),
+        (Mark::Disc, Ink::fill(BLUE), "the parent, drawn as often"),
     ];
     legend::row(&mut sheet, (90.0, 12.0), &signs);
-    let highest = measured.iter().flat_map(|(_, areas)| areas.values().flatten()).copied().fold(0.0, f64::max);
-    for (place, (lineage, areas)) in measured.iter().enumerate() {
+    let highest = measured.iter().flat_map(|of| of.areas.values().flatten()).copied().fold(0.0, f64::max);
+    for (place, of) in measured.iter().enumerate() {
         let left = 40.0 + 110.0 * (place % 4) as f64;
         let top = 36.0 + 155.0 * (place / 4) as f64;
-        panel(&mut sheet, [left, top, 82.0, 100.0], lineage, areas, highest, place % 4 == 0);
+        panel(&mut sheet, [left, top, 82.0, 100.0], of, highest, place % 4 == 0);
     }
     let runs: Vec<&RecordedRun> = runs.iter().collect();
     let caption = format!(
         "Area of attack and ARS from the origin, of all scenes that balanced selection kept in a group up to the round; round 0 is the \
-         parent's. It can only grow: what the figure shows is how much and in how many groups. {}",
+         parent's. It can only grow, whatever is drawn: the parent that takes every program's place shows how much of it is that. {}",
         source(&runs)
     );
     legend::foot(&mut sheet, &caption);
     Ok(sheet)
 }
 
-fn panel(
-    sheet: &mut Figure,
-    place: [f64; 4],
-    lineage: &LineageId,
-    areas: &BTreeMap<String, Vec<f64>>,
-    highest: f64,
-    named: bool,
-) {
-    let rounds = areas.values().map(Vec::len).max().unwrap_or(1);
+fn panel(sheet: &mut Figure, place: [f64; 4], of: &Panel<'_>, highest: f64, named: bool) {
+    let rounds = of.areas.values().map(Vec::len).max().unwrap_or(1);
     let last = rounds.saturating_sub(1) as f64;
     let ticks = (0..rounds).map(|round| round as f64).collect();
     let axes = Axes { place, across: Scale::fixed(-0.3, last + 0.3, ticks), up: Scale::over([0.0, highest], 4) };
-    sheet.heading((place[0], place[1] - 6.0), 8.0, lineage.as_str());
+    sheet.heading((place[0], place[1] - 6.0), 8.0, of.lineage.as_str());
     axes.draw(sheet, "Round", if named { "Pareto area" } else { "" });
-    for values in areas.values() {
+    for values in of.areas.values() {
         let points = values.iter().enumerate().map(|(round, value)| axes.at(round as f64, *value)).collect();
         sheet.path(points, Ink::line(FAINT, 0.4));
     }
-    let mut means = Vec::new();
     for round in 0..rounds {
-        let of: Vec<f64> = areas.values().filter_map(|values| values.get(round)).copied().collect();
-        if let (Some(low), Some(high)) = (num::quantile(&of, 0.25), num::quantile(&of, 0.75)) {
+        let values: Vec<f64> = of.areas.values().filter_map(|values| values.get(round)).copied().collect();
+        if let (Some(low), Some(high)) = (num::quantile(&values, 0.25), num::quantile(&values, 0.75)) {
             let (x, top) = (axes.x(round as f64), axes.y(high));
             sheet.rect([x - 3.5, top, 7.0, axes.y(low) - top], Ink::line(ORANGE, 1.3));
         }
-        means.extend(num::mean(&of).map(|mean| axes.at(round as f64, mean)));
     }
-    for at in &means {
-        sheet.mark(Mark::Disc, *at, 2.0, Ink::fill(BLACK));
+    for (means, colour) in [(&of.redrawn, BLUE), (&means(&of.areas), BLACK)] {
+        let points: Vec<_> = means.iter().enumerate().map(|(round, mean)| axes.at(round as f64, *mean)).collect();
+        for at in &points {
+            sheet.mark(Mark::Disc, *at, 2.0, Ink::fill(colour));
+        }
+        sheet.path(points, Ink::line(colour, 1.4));
     }
-    sheet.path(means, Ink::line(BLACK, 1.4));
 }

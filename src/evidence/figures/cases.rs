@@ -8,11 +8,12 @@ use super::legend::{self, LETTERS, source};
 use crate::draw::{
     Actor, Anchor, BLACK, Drawing, Figure, GREEN, GREY, Ink, Mark, PURPLE, Panel, Role, Words, colour, panel, wrapped,
 };
-use crate::evidence::recorded_run::RecordedRun;
+use crate::evidence::recorded_run::{Became, RecordedRun};
 use crate::evidence::tables::called;
 use crate::kernel::Vec2;
 use crate::objects::event::LineageResult;
 use crate::objects::{SceneScore, SolutionId};
+use crate::text::counted;
 
 /// A scene that a figure shows, and by which programs it is played.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,6 +23,9 @@ pub struct WonScene {
     pub scene: String,
     pub original: SolutionId,
     pub evolved: SolutionId,
+    /// Held-out scenes in which the evolved program alone attacks, and in which its parent alone does: one picture is the best of the first.
+    pub gained: usize,
+    pub lost: usize,
 }
 
 /// One lineage's scene, played.
@@ -58,7 +62,11 @@ fn won(run: &RecordedRun, lineage: &LineageResult) -> Option<WonScene> {
             best = Some(label);
         }
     }
+    let outcomes = run.outcomes(lineage);
+    let count = |wanted: Became| outcomes.values().filter(|became| **became == wanted).count();
     Some(WonScene {
+        gained: count(Became::Gained),
+        lost: count(Became::Lost),
         method: called(run, &lineage.lineage),
         scene: best?.scene.clone(),
         original: original.clone(),
@@ -101,7 +109,7 @@ pub fn cases(cases: &[Case], runs: &[RecordedRun]) -> Result<Figure, FigureError
         row(&mut sheet, 26.0 + ROW * place as f64, case);
     }
     let rule = "Of the held-out scenes in which the reported program attacks and its parent does not, the one with the highest realism. Both at \
-                the time at which the evolved rollout ends, or at their own end before it.";
+                the time at which the evolved rollout ends, or at their own end before it. Gained: such scenes; lost: those the other way round.";
     legend::foot(&mut sheet, &format!("{rule} {}", source(&runs.iter().collect::<Vec<_>>())));
     Ok(sheet)
 }
@@ -109,7 +117,8 @@ pub fn cases(cases: &[Case], runs: &[RecordedRun]) -> Result<Figure, FigureError
 fn row(sheet: &mut Figure, top: f64, case: &Case) {
     let end = |side: &Side| side.drawing.steps.saturating_sub(1);
     let moment = side_end(&case.evolved);
-    sheet.heading((LEFT, top + 8.0), LETTERS, case.won.method.as_str());
+    let WonScene { method, gained, lost, .. } = &case.won;
+    sheet.heading((LEFT, top + 8.0), LETTERS, format!("{method}: {} gained, {lost} lost", counted(*gained, "scene")));
     for (place, (head, side)) in [("original", &case.original), ("evolved", &case.evolved)].into_iter().enumerate() {
         let x = LEFT + place as f64 * (PANEL[0] + GAP);
         let step = moment.min(end(side));
@@ -162,6 +171,8 @@ mod tests {
             scene: "synthetic-7".into(),
             original: SolutionId::new("cat-idm/parent"),
             evolved: SolutionId::new("cat-idm/e1s1"),
+            gained: 3,
+            lost: 5,
         };
         let case = Case { won: won(), original: side(None, 40), evolved: side(Some(20), 30) };
         let sheet = cases(&[case], &[]).unwrap();
@@ -170,7 +181,9 @@ mod tests {
             _ => None,
         };
         let words: Vec<String> = sheet.shapes.iter().filter_map(text).collect();
-        for caption in ["CAT against IDM", "original, 2.0 s: as it ended", "evolved, 2.0 s: as it ended"] {
+        for caption in
+            ["CAT against IDM: 3 scenes gained, 5 lost", "original, 2.0 s: as it ended", "evolved, 2.0 s: as it ended"]
+        {
             assert!(words.iter().any(|line| line == caption), "{caption}: {words:?}");
         }
         let panels = sheet.shapes.iter().filter(|shape| matches!(shape, Shape::Within(..))).count();

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use super::archives::{Archived, Round};
+use super::archives::{Archived, Round, Scores};
 use super::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 use super::contacts::{self, Read};
 use super::key::RowKey;
@@ -15,7 +15,7 @@ use super::resampled::Resampled;
 use crate::evaluation::Group;
 use crate::evidence::realism::Realisms;
 use crate::kernel::Digest;
-use crate::objects::benchmark::{Benchmark, BenchmarkRow, SafebenchRun};
+use crate::objects::benchmark::{BenchmarkRow, SafebenchRun};
 use crate::objects::replay::{ReplayScene, Replayed};
 use crate::objects::{SceneScore, Score};
 
@@ -178,16 +178,17 @@ fn recorded_numbers(of: &Applied<'_>) -> [Numbers; 4] {
 /// The rates of SafeBench's protocol, by row; intervals are drawn over groups, those of parent and program together.
 fn staged_numbers(of: &Applied<'_>) -> [Numbers; 4] {
     let round = |played: &Played<'_>| Round { runs: played.runs.clone(), failures: played.failures.clone() };
-    let (rounds, gains_pct) = ([round(&of.parent), round(&of.program)], BTreeMap::new());
-    let resampled = Resampled::new(&[Archived { rounds: &rounds, gains_pct: &gains_pct }]);
+    let (rounds, none) = ([round(&of.parent), round(&of.program)], BTreeMap::new());
+    let archived = Archived { rounds: &rounds, gains_pct: &none, redrawn: &[], redrawn_gains_pct: &none };
+    let resampled = Resampled::new(&[archived]);
     let mut numbers: [Numbers; 4] = Default::default();
     for (column, rate) in RATES {
-        let of_round = |rounds: &[Option<Benchmark>], k: usize| Some(rate(&rounds.get(k)?.as_ref()?.mean));
+        let of_round = |scores: &Scores, k: usize| Some(rate(&scores.rounds.get(k)?.as_ref()?.mean));
         let replayed = [
             of.replay.row.benchmark.as_ref().map(|row| Estimate::plain(rate(row))),
-            resampled.estimate(|rounds| of_round(rounds, 0)),
-            resampled.estimate(|rounds| of_round(rounds, 1)),
-            resampled.estimate(|rounds| Some(of_round(rounds, 1)? - of_round(rounds, 0)?)),
+            resampled.estimate(|scores| of_round(scores, 0)),
+            resampled.estimate(|scores| of_round(scores, 1)),
+            resampled.estimate(|scores| Some(of_round(scores, 1)? - of_round(scores, 0)?)),
         ];
         for (numbers, estimate) in numbers.iter_mut().zip(replayed) {
             numbers.extend(estimate.map(|estimate| (column.key, estimate)));

@@ -10,6 +10,7 @@ use super::searches::{self, Repeated, Repetition};
 use super::stopped;
 use crate::evaluation::{Group, Runs};
 use crate::evidence::recorded_run::RecordedRun;
+use crate::kernel::num;
 use crate::objects::benchmark::{ArchiveRound, Benchmark, SafebenchRun};
 use crate::objects::event::Measured;
 use crate::objects::{LineageId, event::LineageResult};
@@ -39,6 +40,10 @@ pub struct LineageArchive {
     pub rounds: Vec<Round>,
     /// Frontier gain of every group, percent.
     pub gains_pct: BTreeMap<Group, f64>,
+    /// What changes are measured against, round by round: the parent, drawn as often; empty where nobody drew it.
+    pub redrawn: Vec<Round>,
+    /// Its frontier gains.
+    pub redrawn_gains_pct: BTreeMap<Group, f64>,
     /// Distinct rollouts that its labels rest on.
     pub rollouts: usize,
     /// Kinds of the models that proposals came from.
@@ -61,12 +66,40 @@ pub struct Archived<'a> {
     pub rounds: &'a [Round],
     /// Frontier gain of every group, percent.
     pub gains_pct: &'a BTreeMap<Group, f64>,
+    pub redrawn: &'a [Round],
+    pub redrawn_gains_pct: &'a BTreeMap<Group, f64>,
+}
+
+/// What an archive, or a draw of its groups, comes to.
+#[derive(Clone, Debug, Default)]
+pub struct Scores {
+    /// After each round.
+    pub rounds: Vec<Option<Benchmark>>,
+    /// What these are compared with, round by round.
+    pub redrawn: Vec<Option<Benchmark>>,
+    /// Mean frontier gain over the groups, percent.
+    pub gain_pct: Option<f64>,
+    pub redrawn_gain_pct: Option<f64>,
 }
 
 impl Archived<'_> {
     /// Every group of the study, also those without a scene.
     pub fn groups(&self) -> BTreeSet<Group> {
         self.gains_pct.keys().copied().chain(self.rounds.iter().flat_map(Round::groups)).collect()
+    }
+
+    /// Scores over these groups; one that is named twice counts twice.
+    pub fn scores(&self, groups: &[Group]) -> Scores {
+        let of = |rounds: &[Round]| rounds.iter().map(|round| round.scores(groups.iter().copied())).collect();
+        let gain = |gains: &BTreeMap<Group, f64>| {
+            num::mean(&groups.iter().filter_map(|group| gains.get(group)).copied().collect::<Vec<f64>>())
+        };
+        Scores {
+            rounds: of(self.rounds),
+            redrawn: of(self.redrawn),
+            gain_pct: gain(self.gains_pct),
+            redrawn_gain_pct: gain(self.redrawn_gains_pct),
+        }
     }
 }
 
@@ -100,7 +133,13 @@ impl LineageArchive {
 
     /// What intervals are drawn from.
     pub fn archived(&self) -> Archived<'_> {
-        Archived { rounds: &self.rounds, gains_pct: &self.gains_pct }
+        let LineageArchive { rounds, gains_pct, redrawn, redrawn_gains_pct, .. } = self;
+        Archived { rounds, gains_pct, redrawn, redrawn_gains_pct }
+    }
+
+    /// Scores over all its groups.
+    pub fn scores(&self) -> Scores {
+        self.archived().scores(&self.groups().into_iter().collect::<Vec<Group>>())
     }
 
     /// Scenes that balanced selection keeps after the last round.
@@ -130,13 +169,15 @@ pub fn lineages(recorded_runs: &[RecordedRun]) -> Result<Vec<LineageArchive>, Ta
 }
 
 /// The same with two rounds in place of the archive's: what the parent and what the program that was chosen did on held-out
-/// routes.
+/// routes. One program stands against one there, and routes that chose nothing: changes are measured against the parent itself.
 pub fn held_out(recorded_runs: &[RecordedRun]) -> Result<Vec<LineageArchive>, TableError> {
     gathered(recorded_runs, |place, recorded_run, result| {
         let played = |of: &Measured| played(recorded_run, result, of);
         let rounds = vec![played(&result.parent)?, played(&result.evolved)?];
-        let stopped = stopped::note(recorded_run, result);
-        Ok(LineageArchive { rounds, gains_pct: BTreeMap::new(), stopped, ..one(place, recorded_run, result)? })
+        let (redrawn, stopped) = (vec![rounds[0].clone()], stopped::note(recorded_run, result));
+        let (gains_pct, redrawn_gains_pct) = Default::default();
+        let archive = one(place, recorded_run, result)?;
+        Ok(LineageArchive { rounds, gains_pct, redrawn, redrawn_gains_pct, stopped, ..archive })
     })
 }
 
@@ -172,12 +213,16 @@ fn one(place: usize, recorded_run: &RecordedRun, result: &LineageResult) -> Resu
     if let Some((place, round)) = recorded.iter().enumerate().find(|(place, round)| round.round as usize != *place) {
         return Err(damaged(format!("names round {} where round {place} is expected", round.round)));
     }
-    let attack_change = last.benchmark.mean.attack - first.benchmark.mean.attack;
+    let redrawn = recorded_run.redrawn.iter().find(|redrawn| redrawn.lineage == result.lineage);
+    let before = redrawn.and_then(|redrawn| redrawn.rounds.last()).unwrap_or(first);
+    let attack_change = last.benchmark.mean.attack - before.benchmark.mean.attack;
     let descends = last.selected.iter().any(|scene| scene.solution != result.parent.solution);
     let (stem, method) = (labels::stem(result), published(recorded_run, result));
     let group = |name: &String| group(name).ok_or_else(|| damaged(format!("names the group {name:?}")));
-    let gains = result.pf_area_at_3_pct_by_group.iter().map(|(name, gain)| Ok((group(name)?, *gain)));
-    let round = |recorded: &&ArchiveRound| {
+    let gains = |of: &BTreeMap<String, f64>| -> Result<BTreeMap<Group, f64>, TableError> {
+        of.iter().map(|(name, gain)| Ok((group(name)?, *gain))).collect()
+    };
+    let round = |recorded: &ArchiveRound| {
         let mut runs: BTreeMap<Group, Vec<SafebenchRun>> = BTreeMap::new();
         for scene in &recorded.selected {
             runs.entry(group(&scene.group)?).or_default().push(scene.run);
@@ -198,8 +243,10 @@ fn one(place: usize, recorded_run: &RecordedRun, result: &LineageResult) -> Resu
         label: method_label(recorded_run, result),
         ego: result.ego.clone(),
         policy: labels::policy(recorded_run, &result.ego),
-        gains_pct: gains.collect::<Result<_, TableError>>()?,
-        rounds: recorded.iter().map(round).collect::<Result<_, TableError>>()?,
+        gains_pct: gains(&result.pf_area_at_3_pct_by_group)?,
+        rounds: recorded.into_iter().map(round).collect::<Result<_, TableError>>()?,
+        redrawn_gains_pct: redrawn.map_or(Ok(BTreeMap::new()), |of| gains(&of.pf_area_at_3_pct_by_group))?,
+        redrawn: redrawn.iter().flat_map(|of| &of.rounds).map(round).collect::<Result<_, TableError>>()?,
         rollouts: labels::rollouts(recorded_run, &result.lineage),
         proposals: labels::proposals(recorded_run),
         stopped: stopped::archive_note(recorded_run, result, attack_change, descends),

@@ -2,15 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use super::archives::{self, LineageArchive};
+use super::archives::{self, LineageArchive, Scores};
 use super::basis::{Basis, Combine, LabelRead, Leaf, Piece, Selected};
 use super::error::TableError;
 use super::frontier::Spanned;
-use super::key::{Of, Reads, RowKey, Side};
+use super::key::{Kept, Of, Reads, RowKey, Side};
 use super::labels::{self, LineageLabels, ReplayLabels};
 use super::layout::{Row, Table};
 use super::shares::Spec;
 use super::{contacts, critics, gains, metadrive, paper, proposals, readings, safebench, unseen};
+use crate::evaluation::{Group, group_name};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::benchmark::HeldOutRun;
@@ -79,15 +80,21 @@ impl<'s> Bases<'s> {
             }
             gains::NAME => self.of_gains(row, key),
             "safebench-main" | "safebench-rounds" if replay => self.replay_row(row, key),
-            "safebench-main" if key == safebench::FRONTIER => Some(self.gains(row)),
+            "safebench-main" if safebench::FRONTIERS.contains(&key) => Some(self.gains(row, key)),
             "safebench-main" => {
-                Some(self.of_rounds(row, key, &|rounds| safebench::main_number(key, rounds), |_, _| true))
+                let side = |side: &str| key.starts_with(side) || key.contains("_change_");
+                let reads = |kept: Kept, at: u32, last: u32| match kept {
+                    Kept::Redrawn => at == last && side("redrawn_"),
+                    _ => at == last && side("evolved_") || at == 0 && key.starts_with("parent_"),
+                };
+                Some(self.of_rounds(row, key, &|scores| safebench::main_number(key, scores), (&reads, |_| true)))
             }
             "safebench-rounds" => {
-                let RowKey::Lineages { reads: Reads::Round { metric, round }, .. } = row.key else { return None };
-                let number = |rounds: &[_]| safebench::round_number(metric, round, key, rounds);
-                let of = |group: &str| key == paper::safebench::AVERAGE || group.split('/').next() == Some(key);
-                Some(self.of_rounds(row, key, &number, |at, group| at as usize == round && of(group)))
+                let RowKey::Lineages { reads: Reads::Round { metric, round, of }, .. } = row.key else { return None };
+                let number = |scores: &Scores| safebench::round_number(metric, round, of, key, scores);
+                let reads = |kept: Kept, at: u32, _| at as usize == round && (of == kept || of == Kept::Change);
+                let group = |group: &str| key == paper::safebench::AVERAGE || group.split('/').next() == Some(key);
+                Some(self.of_rounds(row, key, &number, (&reads, group)))
             }
             unseen::NAME => self.unseen(row, key),
             "proposals" => Some(self.counted(&proposals::SPEC, row, key)),
@@ -277,24 +284,31 @@ impl<'s> Bases<'s> {
         self.archives.iter().filter(|archive| row.key.has(archive.place, &archive.lineage))
     }
 
-    /// A number of the archive's rounds, which is of the selected runs together.
-    fn of_rounds(&self, row: &Row, key: &str, number: Number<'_>, reads: impl Fn(u32, &str) -> bool) -> Basis {
+    /// A number of the archive's rounds, which is of the selected runs together. `reads` says of the search's runs and of the redrawn ones
+    /// which rounds it is of; the second says which groups.
+    fn of_rounds(
+        &self,
+        row: &Row,
+        key: &str,
+        number: Number<'_>,
+        (reads, group): (&dyn Fn(Kept, u32, u32) -> bool, impl Fn(&str) -> bool),
+    ) -> Basis {
         let part = |archive: &LineageArchive| -> Option<Piece> {
             let (run, recorded_run, _) = self.result(archive.place, &archive.lineage)?;
-            let scores: Vec<_> = archive.rounds.iter().map(|of| of.scores(of.runs.keys().copied())).collect();
             let last = archive.rounds.len().saturating_sub(1) as u32;
-            let wanted =
-                |round: u32| !key.starts_with("parent_") && round == last || !key.starts_with("evolved_") && round == 0;
-            let main = !matches!(row.key, RowKey::Lineages { reads: Reads::Round { .. }, .. });
-            let rounds =
-                recorded_run.rounds.iter().filter(|r| r.lineage == archive.lineage && (!main || wanted(r.round)));
-            let leaves: Vec<Leaf> = rounds
-                .flat_map(|r| {
-                    let read = r.selected.iter().filter(|selected| reads(r.round, &selected.group));
-                    read.map(|selected| Leaf {
+            let evolved = recorded_run.rounds.iter().filter(|r| r.lineage == archive.lineage);
+            let evolved = evolved.filter(|r| reads(Kept::Evolved, r.round, last)).map(|r| (r, ""));
+            let redrawn = recorded_run.redrawn.iter().filter(|of| of.lineage == archive.lineage);
+            let redrawn = redrawn.flat_map(|of| &of.rounds).filter(|r| reads(Kept::Redrawn, r.round, last));
+            let redrawn = redrawn.map(|r| (r, ", the parent redrawn"));
+            let leaves: Vec<Leaf> = evolved
+                .chain(redrawn)
+                .flat_map(|(r, drawn)| {
+                    let read = r.selected.iter().filter(|selected| group(&selected.group));
+                    read.map(move |selected| Leaf {
                         selected: Some(Selected { round: r.round, run: selected.run }),
                         note: Some(format!(
-                            "{} after round {}: attack {:.3}, ARS {:.3}",
+                            "{} after round {}{drawn}: attack {:.3}, ARS {:.3}",
                             selected.group, r.round, selected.attack, selected.realism
                         )),
                         ..Leaf::scene(&selected.scene, std::slice::from_ref(&selected.solution), None)
@@ -304,7 +318,7 @@ impl<'s> Bases<'s> {
             let mut programs: Vec<SolutionId> = leaves.iter().flat_map(|leaf| leaf.programs.clone()).collect();
             programs.sort();
             programs.dedup();
-            Some(part_of_archive(archive, run, programs, number(&scores), leaves))
+            Some(part_of_archive(archive, run, programs, number(&archive.scores()), leaves))
         };
         let parts = self.archives_of(row).filter_map(part).collect();
         let formula = format!(
@@ -330,7 +344,6 @@ impl<'s> Bases<'s> {
                 let value = unseen::seen(recorded_run, result).and_then(|both| read(&both));
                 return Some(part_of_archive(archive, run, programs.clone(), value, leaves.collect()));
             }
-            let scores: Vec<_> = archive.rounds.iter().map(|of| of.scores(of.groups())).collect();
             let runs = wanted.iter().flat_map(|(round, of)| {
                 let held_out =
                     recorded_run.held_out.iter().find(|h| h.lineage == archive.lineage && h.solution == **of);
@@ -345,7 +358,7 @@ impl<'s> Bases<'s> {
                 ..Leaf::scene(&one.scene, std::slice::from_ref(of), None)
             };
             let leaves = runs.map(leaf).collect();
-            Some(part_of_archive(archive, run, programs, safebench::main_number(key, &scores), leaves))
+            Some(part_of_archive(archive, run, programs, safebench::main_number(key, &archive.scores()), leaves))
         });
         let (parts, where_): (Vec<Piece>, _) =
             (parts.collect(), if seen.is_some() { "that evolution saw" } else { "held out" });
@@ -355,19 +368,31 @@ impl<'s> Bases<'s> {
         Some(Basis::of(formula, Combine::MeansOfAll, parts))
     }
 
-    /// PF-Area@3 of SafeBench: the mean over groups, as sealed in the results.
-    fn gains(&self, row: &Row) -> Basis {
+    /// PF-Area@3 of SafeBench: the mean over groups, as sealed in the results; of the redrawn parent; and the first less the second.
+    fn gains(&self, row: &Row, key: &str) -> Basis {
+        let [redrawn, evolved, _] = safebench::FRONTIERS;
         let part = |archive: &LineageArchive| -> Option<Piece> {
             let (run, ..) = self.result(archive.place, &archive.lineage)?;
-            let leaf = |((family, route), gain): (&crate::evaluation::Group, &f64)| {
-                Leaf::scene(&format!("{}/{route}", family.name()), &[], Some(*gain))
+            let leaf = |group: Group| {
+                let of = |gains: &BTreeMap<Group, f64>| gains.get(&group).copied();
+                let [before, after] = [of(&archive.redrawn_gains_pct), of(&archive.gains_pct)];
+                let value = match key {
+                    _ if key == redrawn => before,
+                    _ if key == evolved => after,
+                    _ => before.zip(after).map(|(before, after)| after - before),
+                };
+                Leaf::scene(&group_name(group), &[], value)
             };
-            let leaves: Vec<Leaf> = archive.gains_pct.iter().map(leaf).collect();
-            let value = num::mean(&leaves.iter().filter_map(|leaf| leaf.value).collect::<Vec<f64>>());
+            let leaves: Vec<Leaf> = archive.gains_pct.keys().copied().map(leaf).collect();
+            let value = safebench::main_number(key, &archive.scores());
             Some(part_of_archive(archive, run, Vec::new(), value, leaves))
         };
-        let formula =
-            "mean over repetitions of the mean over groups of the frontier gain, as sealed in the results".to_string();
+        let what = match key {
+            _ if key == redrawn => "frontier gain of the redrawn parent",
+            _ if key == evolved => "frontier gain, as sealed in the results",
+            _ => "frontier gain, as sealed in the results, less that of the redrawn parent",
+        };
+        let formula = format!("mean over repetitions of the mean over groups of the {what}");
         Basis::of(formula, Combine::Means, self.archives_of(row).filter_map(part).collect())
     }
 
@@ -410,8 +435,8 @@ impl<'s> Bases<'s> {
     }
 }
 
-/// A number of one repetition's rounds.
-type Number<'a> = &'a dyn Fn(&[Option<crate::objects::benchmark::Benchmark>]) -> Option<f64>;
+/// A number of one repetition's scores.
+type Number<'a> = &'a dyn Fn(&Scores) -> Option<f64>;
 
 const SEARCHES: &str = "mean over searches of the mean over their repetitions of";
 const MEANS: &str = "mean over searches of the mean over their repetitions of the mean over held-out scenes of";
@@ -463,8 +488,13 @@ fn words(key: &str) -> String {
 
 fn rounds_words(key: &str, row: &Row) -> String {
     match row.key {
-        RowKey::Lineages { reads: Reads::Round { metric, round }, .. } => {
-            format!("{metric} after round {round} in {key},")
+        RowKey::Lineages { reads: Reads::Round { metric, round, of }, .. } => {
+            let whose = match of {
+                Kept::Evolved => "",
+                Kept::Redrawn => " of the redrawn parent",
+                Kept::Change => " less that of the redrawn parent",
+            };
+            format!("{metric} after round {round} in {key}{whose},")
         }
         _ => format!("{key},"),
     }

@@ -42,7 +42,18 @@ pub enum Reads {
     /// The programs of one side, in every column.
     Side(Side),
     /// What balanced selection keeps after a round, by one metric.
-    Round { metric: &'static str, round: usize },
+    Round { metric: &'static str, round: usize, of: Kept },
+}
+
+/// What balanced selection keeps of whose runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kept {
+    /// The search's.
+    Evolved,
+    /// The parent's, drawn as often.
+    Redrawn,
+    /// The first less the second.
+    Change,
 }
 
 impl RowKey {

@@ -42,12 +42,12 @@ fn by_weight(name: &str) -> Option<&'static [&'static str]> {
         ],
         "safebench-main" => &[
             "parent_attack",
+            "redrawn_attack",
             "evolved_attack",
             "attack_change_pct",
-            "pf_area_at_3_pct",
+            "pf_area_change_pp",
             "ars_change_pp",
             "evolved_ars",
-            "parent_ars",
         ],
         "safebench-rounds" => &[
             "average",

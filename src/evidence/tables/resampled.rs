@@ -5,23 +5,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::archives::Archived;
+use super::archives::{Archived, Scores};
 use super::bootstrap::{Estimate, RESAMPLES, SEED};
 use crate::evaluation::Group;
 use crate::kernel::{Stream, num};
-use crate::objects::benchmark::Benchmark;
 use crate::scene::safebench::TrafficFamily;
 
-/// Scores of all rounds of a lineage.
-type Rounds = Vec<Option<Benchmark>>;
-
-/// Scores of all rounds of a search, on its own groups and on resampled ones: one a seed.
+/// Scores of a search on its own groups and on resampled ones: one a seed.
 pub struct Resampled {
-    measured: Vec<Rounds>,
-    drawn: Vec<Vec<Rounds>>,
-    /// Mean frontier gain over the groups, percent, a seed.
-    gains_pct: Vec<f64>,
-    drawn_gains_pct: Vec<f64>,
+    measured: Vec<Scores>,
+    drawn: Vec<Vec<Scores>>,
     groups: usize,
 }
 
@@ -35,46 +28,28 @@ impl Resampled {
         let mut streams: Vec<(&Vec<Group>, Stream)> =
             families.iter().map(|(family, groups)| (groups, stream(*family, groups))).collect();
         let own: Vec<Group> = families.values().flatten().copied().collect();
-        let (mut drawn, mut drawn_gains_pct) = (Vec::with_capacity(RESAMPLES), Vec::new());
+        let mut drawn = Vec::with_capacity(RESAMPLES);
         for _ in 0..RESAMPLES {
             let draw = |(groups, stream): &mut (&Vec<Group>, Stream)| -> Vec<Group> {
                 (0..groups.len()).map(|_| groups[stream.below(groups.len())]).collect()
             };
             let draw: Vec<Group> = streams.iter_mut().flat_map(draw).collect();
-            drawn.push(seeds.iter().map(|archive| rounds(archive, &draw)).collect());
-            drawn_gains_pct.extend(num::mean(&gains_pct(seeds, &draw)));
+            drawn.push(seeds.iter().map(|archive| archive.scores(&draw)).collect());
         }
-        let measured = seeds.iter().map(|archive| rounds(archive, &own)).collect();
-        Resampled { measured, drawn, gains_pct: gains_pct(seeds, &own), drawn_gains_pct, groups: own.len() }
+        let measured = seeds.iter().map(|archive| archive.scores(&own)).collect();
+        Resampled { measured, drawn, groups: own.len() }
     }
 
-    /// The mean over seeds of a quantity of the rounds' scores. One that some draw leaves undefined has no interval.
-    pub fn estimate(&self, quantity: impl Fn(&[Option<Benchmark>]) -> Option<f64>) -> Option<Estimate> {
-        let of_seeds = |seeds: &Vec<Rounds>| seeds.iter().map(|rounds| quantity(rounds)).collect::<Option<Vec<f64>>>();
+    /// The mean over seeds of a quantity of the scores. One that some draw leaves undefined has no interval.
+    pub fn estimate(&self, quantity: impl Fn(&Scores) -> Option<f64>) -> Option<Estimate> {
+        let of_seeds = |seeds: &Vec<Scores>| seeds.iter().map(&quantity).collect::<Option<Vec<f64>>>();
         let own = of_seeds(&self.measured)?;
         let drawn: Option<Vec<f64>> = self.drawn.iter().map(|seeds| num::mean(&of_seeds(seeds)?)).collect();
         Estimate::over_seeds(own, drawn.as_deref(), self.groups)
-    }
-
-    /// PF-Area@3 with its interval.
-    pub fn gain(&self) -> Option<Estimate> {
-        Estimate::over_seeds(self.gains_pct.clone(), Some(&self.drawn_gains_pct), self.groups)
     }
 }
 
 fn stream(family: TrafficFamily, groups: &[Group]) -> Stream {
     let routes: Vec<String> = groups.iter().map(|(_, route)| route.to_string()).collect();
     SEED.stream(&["evidence", "tables", "bootstrap", "groups", family.name(), &routes.join(" ")])
-}
-
-fn rounds(archive: &Archived<'_>, groups: &[Group]) -> Rounds {
-    archive.rounds.iter().map(|round| round.scores(groups.iter().copied())).collect()
-}
-
-/// Mean over these groups, a seed.
-fn gains_pct(seeds: &[Archived<'_>], groups: &[Group]) -> Vec<f64> {
-    let of_seed = |archive: &Archived<'_>| {
-        num::mean(&groups.iter().filter_map(|group| archive.gains_pct.get(group)).copied().collect::<Vec<f64>>())
-    };
-    seeds.iter().filter_map(of_seed).collect()
 }

@@ -3,10 +3,10 @@
 
 use std::collections::BTreeSet;
 
-use super::archives::{self, LineageArchive};
+use super::archives::{self, LineageArchive, Scores};
 use super::bootstrap::Estimate;
 use super::error::TableError;
-use super::key::{Of, Reads, RowKey};
+use super::key::{Kept, Of, Reads, RowKey};
 use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
 use super::notes;
 use super::paper::{
@@ -71,15 +71,21 @@ pub(super) fn main_columns() -> Vec<Column> {
         column("parent_ars", "Parent", "ARS", true, Form::Rate),
         column("parent_cr", "Parent", "CR", true, Form::Rate),
         column("parent_os", "Parent", "OS", false, Form::Rate),
+        column("redrawn_attack", REDRAWN, "Attack", true, Form::Rate),
+        column("redrawn_ars", REDRAWN, "ARS", true, Form::Rate),
+        column("redrawn_cr", REDRAWN, "CR", true, Form::Rate),
+        column("redrawn_os", REDRAWN, "OS", false, Form::Rate),
+        column(FRONTIERS[0], REDRAWN, "PF-Area@3", true, Form::Gain),
         column("evolved_attack", "Evolved", "Attack", true, Form::Rate),
         column("evolved_ars", "Evolved", "ARS", true, Form::Rate),
         column("evolved_cr", "Evolved", "CR", true, Form::Rate),
         column("evolved_os", "Evolved", "OS", false, Form::Rate),
+        column(FRONTIERS[1], "Evolved", "PF-Area@3", true, Form::Gain),
         column("attack_change_pct", "Change", "Attack rel.", true, Form::Gain),
         column("ars_change_pp", "Change", "ARS", true, Form::Points),
         column("cr_change_pp", "Change", "CR", true, Form::Points),
         column("os_change_pp", "Change", "OS", false, Form::Points),
-        column(FRONTIER, "Change", "PF-Area@3", true, Form::Gain),
+        column(FRONTIERS[2], "Change", "PF-Area@3", true, Form::Points),
     ]
 }
 
@@ -91,46 +97,63 @@ fn resampled(seeds: &[&LineageArchive]) -> Resampled {
 /// Ours under the keys of the main columns.
 pub(super) fn main_numbers(seeds: &[&LineageArchive]) -> Numbers {
     let resampled = resampled(seeds);
-    let estimated = |column: &Column| match column.key {
-        FRONTIER => resampled.gain(),
-        key => resampled.estimate(|rounds| main_number(key, rounds)),
-    };
+    let estimated = |column: &Column| resampled.estimate(|scores| main_number(column.key, scores));
     main_columns().iter().filter_map(|column| Some((column.key, estimated(column)?))).collect()
 }
 
-/// Key of the column of frontier gains.
-pub(super) const FRONTIER: &str = "pf_area_at_3_pct";
+/// Head over the columns of the parent that was drawn as often as the search drew.
+pub(super) const REDRAWN: &str = "Parent redrawn";
 
-/// The number of a main column from one repetition's rounds; `None` for PF-Area@3, which is no function of them.
-pub(super) fn main_number(key: &str, rounds: &[Option<Benchmark>]) -> Option<f64> {
-    let before = |metric: Metric| mean(rounds.first(), metric.of);
+/// Keys of the frontier gains: the redrawn parent's, the search's, and their difference.
+pub(super) const FRONTIERS: [&str; 3] = ["redrawn_pf_area_at_3_pct", "pf_area_at_3_pct", "pf_area_change_pp"];
+
+/// The number of a main column from one repetition's scores.
+pub(super) fn main_number(key: &str, scores: &Scores) -> Option<f64> {
+    let Scores { rounds, redrawn, gain_pct, redrawn_gain_pct } = scores;
+    let parent = |metric: Metric| mean(rounds.first(), metric.of);
+    let drawn = |metric: Metric| mean(redrawn.last(), metric.of);
     let after = |metric: Metric| mean(rounds.last(), metric.of);
     let points = |before: f64, after: f64| 100.0 * (after - before);
     match key {
-        "parent_attack" => before(ATTACK),
-        "parent_ars" => before(ARS),
-        "parent_cr" => before(CR),
-        "parent_os" => before(OS),
+        "parent_attack" => parent(ATTACK),
+        "parent_ars" => parent(ARS),
+        "parent_cr" => parent(CR),
+        "parent_os" => parent(OS),
+        "redrawn_attack" => drawn(ATTACK),
+        "redrawn_ars" => drawn(ARS),
+        "redrawn_cr" => drawn(CR),
+        "redrawn_os" => drawn(OS),
         "evolved_attack" => after(ATTACK),
         "evolved_ars" => after(ARS),
         "evolved_cr" => after(CR),
         "evolved_os" => after(OS),
         "attack_change_pct" => {
-            let (before, after) = (before(ATTACK)?, after(ATTACK)?);
+            let (before, after) = (drawn(ATTACK)?, after(ATTACK)?);
             (before > 0.0).then(|| 100.0 * (after - before) / before)
         }
-        "ars_change_pp" => Some(points(before(ARS)?, after(ARS)?)),
-        "cr_change_pp" => Some(points(before(CR)?, after(CR)?)),
-        "os_change_pp" => Some(points(before(OS)?, after(OS)?)),
-        _ => None,
+        "ars_change_pp" => Some(points(drawn(ARS)?, after(ARS)?)),
+        "cr_change_pp" => Some(points(drawn(CR)?, after(CR)?)),
+        "os_change_pp" => Some(points(drawn(OS)?, after(OS)?)),
+        _ => {
+            let place = FRONTIERS.iter().position(|of| *of == key)?;
+            [*redrawn_gain_pct, *gain_pct, redrawn_gain_pct.zip(*gain_pct).map(|(before, after)| after - before)][place]
+        }
     }
 }
 
-/// The number of a line of the tables by round, from one repetition's rounds.
-pub(super) fn round_number(metric: &str, round: usize, key: &str, rounds: &[Option<Benchmark>]) -> Option<f64> {
-    let scores = rounds.get(round)?.as_ref()?;
-    let row = if key == AVERAGE { &scores.mean } else { scores.families.get(key)? };
-    Some((LINES.iter().find(|line| line.name == metric)?.of)(row))
+/// The number of a line of the tables by round, from one repetition's scores.
+pub(super) fn round_number(metric: &str, round: usize, of: Kept, key: &str, scores: &Scores) -> Option<f64> {
+    let line = LINES.iter().find(|line| line.name == metric)?;
+    let rate = |rounds: &[Option<Benchmark>]| {
+        let scores = rounds.get(round)?.as_ref()?;
+        let row = if key == AVERAGE { &scores.mean } else { scores.families.get(key)? };
+        Some((line.of)(row))
+    };
+    match of {
+        Kept::Evolved => rate(&scores.rounds),
+        Kept::Redrawn => rate(&scores.redrawn),
+        Kept::Change => Some(rate(&scores.rounds)? - rate(&scores.redrawn)?),
+    }
 }
 
 /// The metrics of the tables by round.
@@ -242,18 +265,32 @@ fn round_rows(of: &Subject<'_>) -> Vec<Row> {
     let resampled = (!of.seeds.is_empty()).then(|| self::resampled(&of.seeds));
     let printed = if of.printed.is_some() { ROUNDS } else { 0 };
     let rounds = of.seeds.iter().map(|archive| archive.rounds.len()).max().unwrap_or(0).max(printed);
-    let columns = round_columns();
-    let line = |metric: &Metric, round: usize| {
+    let drawn = of.seeds.iter().map(|archive| archive.redrawn.len()).min().unwrap_or(0);
+    let line = |metric: &Metric, round: usize, kept: Kept| {
         let figures = of.printed.and_then(|method| method.round_figures(metric.name, round));
+        let figures = figures.filter(|_| kept == Kept::Evolved);
+        let (called, form) = match kept {
+            Kept::Evolved => (round.to_string(), Form::Rate),
+            Kept::Redrawn => (format!("{round} redrawn"), Form::Rate),
+            Kept::Change => (format!("{round} change"), Form::RateChange),
+        };
+        let columns: Vec<Column> = round_columns().into_iter().map(|column| Column { form, ..column }).collect();
         let ours = |column: &Column| {
-            let estimated = resampled.as_ref()?.estimate(|rounds| round_number(metric.name, round, column.key, rounds));
-            Some((column.key, estimated?))
+            let number = |scores: &Scores| round_number(metric.name, round, kept, column.key, scores);
+            Some((column.key, resampled.as_ref()?.estimate(number)?))
         };
         let ours: Numbers = columns.iter().filter_map(ours).collect();
-        let reads = Reads::Round { metric: metric.name, round };
-        of.row(reads, &[metric.name, &round.to_string()], Cell::row(&columns, &ours, figures.as_ref()))
+        let reads = Reads::Round { metric: metric.name, round, of: kept };
+        of.row(reads, &[metric.name, &called], Cell::row(&columns, &ours, figures.as_ref()))
     };
-    LINES.iter().flat_map(|metric| (0..rounds).map(|round| line(metric, round)).collect::<Vec<_>>()).collect()
+    let lines = |metric: &Metric| -> Vec<Row> {
+        let evolved = (0..rounds).map(|round| line(metric, round, Kept::Evolved));
+        // Before the first round nothing is redrawn.
+        let redrawn = (1..drawn).map(|round| line(metric, round, Kept::Redrawn));
+        let change = (drawn > 1).then(|| line(metric, drawn - 1, Kept::Change));
+        evolved.chain(redrawn).chain(change).collect()
+    };
+    LINES.iter().flat_map(lines).collect()
 }
 
 /// Who has a row or a part: a method of the paper with a search that fills it, or without, or a search alone.
@@ -334,11 +371,14 @@ fn notes(runs: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
          adversarial trajectories, CS ChatScene, Human the benchmark's own parameter grid."
             .to_string(),
         "Parent is what balanced selection keeps of the parent's scenes (round 0), Evolved what it keeps of all scenes up to \
-         the last round, the same number for each group of family and route. So a gain is the archive's, put together \
-         group by group from many programs, and as in the paper on the scenes that evolution saw; what the one chosen program \
-         does on held-out routes is in the table safebench-held-out. PF-Area@3 is the mean over groups, 0 for one without an \
-         eligible descendant; a group whose parent scenes have less frontier area than the experiment's epsilon_pf, as those \
-         without a collision, is divided by that epsilon instead, a choice of ours that the paper does not name."
+         the last round, the same number for each group of family and route. The best few of many runs are ahead of all runs of a \
+         parent whatever made them. So the parent is redrawn: it takes the place of every program that was labelled, on the same \
+         scenes with other random numbers, and the same rules keep and choose. Change is Evolved against that, and so is no part of the \
+         paper's own change, which is against its parent. It is the archive's, put together group by group from many programs on the \
+         scenes that evolution saw; what the one chosen program does on held-out routes is in the table safebench-held-out. PF-Area@3 is \
+         the mean over groups, 0 for one without an eligible descendant; a group whose parent scenes have less frontier area than the \
+         experiment's epsilon_pf, as those without a collision, is divided by that epsilon instead, a choice of ours that the paper does \
+         not name."
             .to_string(),
         notes::intervals("groups, drawn within their traffic family")
             + " Differences are paired by group. A rate that some draw leaves undefined has none.",
@@ -347,6 +387,14 @@ fn notes(runs: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
     if !all.iter().any(|archive| paper::policy_name(&archive.ego) == Some(EGO)) {
         notes.push(format!(
             "The paper's ego is a learned policy ({EGO}), which no run named here has: its figures are another ego's."
+        ));
+    }
+    let undrawn: Vec<&str> =
+        runs.iter().filter(|run| run.redrawn.is_empty()).map(|run| run.opened.name.as_str()).collect();
+    if !undrawn.is_empty() {
+        notes.push(format!(
+            "Not redrawn, so without a change: {}. `evodrive table` redraws the parents of a run of its own version and simulator.",
+            undrawn.join(", ")
         ));
     }
     notes.extend(runs.iter().map(notes::run));

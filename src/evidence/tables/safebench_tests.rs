@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use super::tests::{attempt, from_their_parts, near, run, score};
 use super::*;
-use crate::evaluation::Runs;
+use crate::evaluation::{Runs, SceneArchive, Selecting, StagedRun};
 use crate::evidence::recorded_run::RecordedRun;
-use crate::kernel::num;
+use crate::kernel::{Seed, num};
 use crate::objects::benchmark::{
-    ArchiveRound, BenchmarkRow, HeldOutRun, Run as Drive, RunRealism, SafebenchRun, SelectedScene,
+    ArchiveRound, BenchmarkRow, HeldOutRun, Redrawn, Run as Drive, RunRealism, SafebenchRun, SelectedScene,
 };
 use crate::objects::replay::{ReplayRow, Replayed, Suite};
 use crate::objects::{FamilyName, LineageId, Objectives, Score, SolutionId, attempt::*, event::*};
@@ -51,27 +51,38 @@ struct Lineage<'a> {
     gains_pct: &'a [(&'a str, f64)],
 }
 
+fn archive_round(lineage: &LineageId, round: u32, scenes: &[Selected], solution: &SolutionId) -> ArchiveRound {
+    let mut runs = Runs::default();
+    scenes.iter().for_each(|(family, route, collision)| runs.add((*family, *route), drive(*collision)));
+    let scene = |(family, route, collision): &Selected| SelectedScene {
+        group: format!("{}/{route}", family.name()),
+        scene: format!("safebench/{}/{route:02}", family.name()),
+        solution: solution.clone(),
+        attack: 0.0,
+        realism: 0.8,
+        run: drive(*collision),
+    };
+    let (lineage, benchmark) = (lineage.clone(), runs.benchmark().unwrap());
+    ArchiveRound { lineage, round, benchmark, selected: scenes.iter().map(scene).collect() }
+}
+
+fn gains(of: &[(&str, f64)]) -> BTreeMap<String, f64> {
+    of.iter().map(|(group, gain)| (group.to_string(), *gain)).collect()
+}
+
+/// The control of a lineage: what its parent comes to in the place of every program.
+fn redraw(recorded: &mut RecordedRun, of: &Lineage<'_>, rounds: &[&[Selected]], gains_pct: &[(&str, f64)]) {
+    let (lineage, parent) = (LineageId::new(of.id), SolutionId::new(format!("{}/parent", of.id)));
+    let rounds = (0..).zip(rounds).map(|(round, scenes)| archive_round(&lineage, round, scenes, &parent)).collect();
+    recorded.redrawn.push(Redrawn { lineage, programs: 1, rounds, pf_area_at_3_pct_by_group: gains(gains_pct) });
+}
+
 fn add(recorded: &mut RecordedRun, of: &Lineage<'_>) {
     let lineage = LineageId::new(of.id);
     let parent = SolutionId::new(format!("{}/parent", of.id));
     for (round, scenes) in of.rounds.iter().enumerate() {
         let solution = if round == 0 { parent.clone() } else { SolutionId::new(of.descendant) };
-        let mut runs = Runs::default();
-        scenes.iter().for_each(|(family, route, collision)| runs.add((*family, *route), drive(*collision)));
-        let scene = |(family, route, collision): &Selected| SelectedScene {
-            group: format!("{}/{route}", family.name()),
-            scene: format!("safebench/{}/{route:02}", family.name()),
-            solution: solution.clone(),
-            attack: 0.0,
-            realism: 0.8,
-            run: drive(*collision),
-        };
-        recorded.rounds.push(ArchiveRound {
-            lineage: lineage.clone(),
-            round: round as u32,
-            benchmark: runs.benchmark().unwrap(),
-            selected: scenes.iter().map(scene).collect(),
-        });
+        recorded.rounds.push(archive_round(&lineage, round as u32, scenes, &solution));
     }
     let measured = Measured {
         solution: parent,
@@ -80,7 +91,7 @@ fn add(recorded: &mut RecordedRun, of: &Lineage<'_>) {
         coverage: 1.0,
         any_contact: 0.1,
     };
-    let gains: BTreeMap<String, f64> = of.gains_pct.iter().map(|(group, gain)| (group.to_string(), *gain)).collect();
+    let gains = gains(of.gains_pct);
     recorded.result.as_mut().unwrap().lineages.push(LineageResult {
         group: lineage.clone(),
         replica: 0,
@@ -114,6 +125,20 @@ const ADVSIM: Lineage<'static> = Lineage {
     gains_pct: &[("lane_changing/4", 40.0), ("lane_changing/5", 0.0), ("right_turn/4", 0.0), ("right_turn/5", 20.0)],
 };
 
+/// The parent that was drawn as often meets the ego on both routes of the right turn, and never in lane changing.
+const REDRAWN_ADVSIM: [&[Selected]; 2] = [
+    ADVSIM.rounds[0],
+    &[(LaneChanging, 4, false), (LaneChanging, 5, false), (RightTurn, 4, true), (RightTurn, 5, true)],
+];
+
+/// AdvSim with its control, whose frontier gains 20 % in one of four groups.
+fn drawn() -> RecordedRun {
+    let mut made = recorded(&[&ADVSIM]);
+    let gains = [("lane_changing/4", 20.0), ("lane_changing/5", 0.0), ("right_turn/4", 0.0), ("right_turn/5", 0.0)];
+    redraw(&mut made, &ADVSIM, &REDRAWN_ADVSIM, &gains);
+    made
+}
+
 /// Nothing of a descendant is selected.
 const HUMAN: Lineage<'static> = Lineage {
     id: "human-idm",
@@ -140,10 +165,11 @@ fn ours(table: &Table, labels: &[&str], key: &str) -> Estimate {
 
 #[test]
 fn the_main_table_is_worked_by_hand() {
-    let table = safebench_main(&[recorded(&[&ADVSIM])]).unwrap();
+    let made = drawn();
+    let table = safebench_main(std::slice::from_ref(&made)).unwrap();
     let row = ["AS", "IDM"];
-    // Families count alike: CR 0 and 1/2, then 1/2 and 1.
-    let (before, after) = (0.25, 0.75);
+    // Families count alike: CR 0 and 1/2 of the parent, 0 and 1 of the redrawn one, 1/2 and 1 of the search.
+    let (before, redrawn, after) = (0.25, 0.5, 0.75);
     for (key, expected) in [
         ("parent_cr", before),
         ("parent_os", overall(before)),
@@ -152,12 +178,16 @@ fn the_main_table_is_worked_by_hand() {
         ("evolved_cr", after),
         ("evolved_os", overall(after)),
         ("evolved_attack", after * (1.0 - overall(after))),
-        // CR and 1 - OS both triple.
-        ("attack_change_pct", 800.0),
-        ("cr_change_pp", 50.0),
-        ("os_change_pp", 100.0 * (overall(after) - overall(before))),
+        ("redrawn_cr", redrawn),
+        ("redrawn_attack", redrawn * (1.0 - overall(redrawn))),
+        // CR and 1 - OS are both half as much again, not three times as much.
+        ("attack_change_pct", 125.0),
+        ("cr_change_pp", 25.0),
+        ("os_change_pp", 100.0 * (overall(after) - overall(redrawn))),
         ("ars_change_pp", 0.0),
+        ("redrawn_pf_area_at_3_pct", 5.0),
         ("pf_area_at_3_pct", 15.0),
+        ("pf_area_change_pp", 10.0),
     ] {
         near(ours(&table, &row, key).value, expected);
     }
@@ -166,6 +196,65 @@ fn the_main_table_is_worked_by_hand() {
     let advsim = table.rows().next().unwrap();
     assert_eq!((advsim.counts.as_slice(), advsim.proposals.as_str()), ([4, 4, 1, 0].as_slice(), "scripted"));
     assert!(advsim.notes.is_empty(), "{:?}", advsim.notes);
+    assert_eq!(from_their_parts(&table, &[made.clone()]), 19);
+    assert!(!markdown(&table).contains("Not redrawn"));
+    let undrawn = safebench_main(&[recorded(&[&ADVSIM])]).unwrap();
+    assert_eq!(cell(&undrawn, &row, "attack_change_pct").ours, None, "never against the parent's few runs");
+    assert!(markdown(&undrawn).contains("Not redrawn, so without a change: made."));
+    let rounds = safebench_rounds(std::slice::from_ref(&made)).unwrap();
+    near(ours(&rounds, &["AS", "IDM", "CR", "1 redrawn"], "right_turn").value, 1.0);
+    near(ours(&rounds, &["AS", "IDM", "CR", "1 change"], "average").value, 0.25);
+    near(ours(&rounds, &["AS", "IDM", "CR", "1 change"], "right_turn").value, 0.0);
+    assert_eq!(from_their_parts(&rounds, &[made]), 36);
+}
+
+/// A search whose every program draws what the parent draws, and its control with as many programs as `redrawn` says.
+fn null_search(seed: u64, programs: usize, redrawn: usize) -> RecordedRun {
+    const SELECTING: Selecting = Selecting { per_group: 4, coverage_floor: 0.8 };
+    let (lineage, parent) = (LineageId::new("advsim-idm"), SolutionId::new("advsim-idm/parent"));
+    let mut stream = Seed(seed).stream(&["null search"]);
+    let mut runs = || -> Vec<StagedRun> {
+        let groups = TrafficFamily::ALL.into_iter().flat_map(|family| (4..8).map(move |route| (family, route)));
+        let four = groups.flat_map(|group| [group; 4]);
+        let staged = four.map(|group| {
+            let mut run = drive(stream.chance(0.04));
+            run.realism.sub_scores[0] = stream.unit();
+            StagedRun { scene: group.0.name().into(), group, run, acted: true }
+        });
+        staged.collect()
+    };
+    let own = runs();
+    let mut searched = |programs: usize| -> Vec<ArchiveRound> {
+        let mut archive = SceneArchive::default();
+        archive.add(0, &parent, own.clone());
+        (0..programs).for_each(|k| archive.add(1, &SolutionId::new(format!("advsim-idm/e0s{k}")), runs()));
+        (0..2).filter_map(|round| archive.after(round, &SELECTING, &lineage)).collect()
+    };
+    let mut made = recorded(&[&Lineage { rounds: &[], gains_pct: &[], ..ADVSIM }]);
+    made.rounds = searched(programs);
+    let rounds = searched(redrawn);
+    made.redrawn = vec![Redrawn { lineage, programs: redrawn, rounds, pf_area_at_3_pct_by_group: BTreeMap::new() }];
+    made
+}
+
+/// Of twenty such searches nearly all say that nothing was gained. Beside a parent that is drawn once they would all gain.
+#[test]
+fn a_search_that_draws_its_parent_again_gains_nothing() {
+    let holding = |redrawn: usize| {
+        let mut holding =
+            BTreeMap::from(["attack_change_pct", "cr_change_pp", "os_change_pp", "ars_change_pp"].map(|key| (key, 0)));
+        for seed in 0..20 {
+            let table = safebench_main(&[null_search(seed, 12, redrawn)]).unwrap();
+            for (key, count) in &mut holding {
+                let [low, high] = ours(&table, &["AS", "IDM"], key).interval.unwrap();
+                *count += usize::from(low <= 0.0 && high >= 0.0);
+            }
+        }
+        holding
+    };
+    let (as_often, once) = (holding(12), holding(1));
+    assert!(as_often.values().all(|count| *count >= 17), "{as_often:?}");
+    assert!(once.values().all(|count| *count <= 3), "{once:?}");
 }
 
 #[test]
@@ -181,17 +270,21 @@ fn rows_in_which_nearly_every_run_is_a_collision_are_called_saturated() {
 
 #[test]
 fn intervals_draw_routes_within_their_family_and_pair_differences() {
-    let table = safebench_main(&[recorded(&[&ADVSIM])]).unwrap();
+    let table = safebench_main(&[drawn()]).unwrap();
     let interval = |key| ours(&table, &["AS", "IDM"], key).interval.unwrap();
     // Lane changing never collides before, so CR is half of right turn's 0, 1/2 or 1, each with a chance of at least 1/4.
     assert_eq!(interval("parent_cr"), [0.0, 0.5]);
     // Right turn always does afterwards: 1/2 and half of lane changing's.
     assert_eq!(interval("evolved_cr"), [0.5, 1.0]);
-    // Each family gains one of its two routes: 0 to 100 points, never less than 0.
-    assert_eq!(interval("cr_change_pp"), [0.0, 100.0]);
+    // Lane changing gains one of its two routes, half of 0 to 100 points; the right turn gains nothing over the redrawn parent.
+    assert_eq!(interval("cr_change_pp"), [0.0, 50.0]);
     assert_eq!(interval("ars_change_pp"), [0.0, 0.0], "paired, a rate that is the same in every route has no width");
     assert_eq!(interval("pf_area_at_3_pct"), [0.0, 30.0]);
-    let relative = ours(&table, &["AS", "IDM"], "attack_change_pct");
+    // From a CR of 1/2 to 1/2, 3/4 or 1.
+    assert_eq!(interval("attack_change_pct"), [0.0, 300.0]);
+    let mut made = drawn();
+    made.redrawn[0].rounds.truncate(1);
+    let relative = ours(&safebench_main(&[made]).unwrap(), &["AS", "IDM"], "attack_change_pct");
     assert_eq!(relative.interval, None, "some draw has no attack to compare with");
 }
 
@@ -255,9 +348,10 @@ fn a_lineage_id_with_hyphens_is_the_family_with_underscores() {
 #[test]
 fn no_gain_is_zero_and_a_note_counts_what_stopped_it() {
     let mut made = recorded(&[&HUMAN]);
+    redraw(&mut made, &HUMAN, HUMAN.rounds, HUMAN.gains_pct);
     made.attempts = vec![attempt("human-idm", 0, Exit::Declined { reason: "no JSON".into() })];
     let table = safebench_main(&[made]).unwrap();
-    for key in ["cr_change_pp", "os_change_pp", "ars_change_pp", "attack_change_pct", "pf_area_at_3_pct"] {
+    for key in ["cr_change_pp", "os_change_pp", "ars_change_pp", "attack_change_pct", "pf_area_change_pp"] {
         let none = ours(&table, &["Human", "IDM"], key);
         assert_eq!((none.value, none.interval), (0.0, Some([0.0, 0.0])), "{key}");
     }
@@ -276,6 +370,9 @@ fn runs_of_the_other_protocol_and_records_that_contradict_themselves_are_refused
     let mut other = made.clone();
     other.rounds.clear();
     assert!(safebench_main(&[other]).unwrap_err().to_string().contains("metadrive-main"));
+    let mut redrawn = drawn();
+    redrawn.redrawn[0].rounds[1].selected[0].run.run.collision = true;
+    assert!(safebench_main(&[redrawn]).unwrap_err().to_string().contains("not those of its runs"));
     let twice = safebench_main(&[made.clone(), made.clone()]).unwrap_err().to_string();
     assert!(twice.starts_with("row AS with ego idm is in advsim-idm of run made"), "{twice}");
     let mut unfinished = made.clone();
@@ -369,8 +466,6 @@ fn a_chosen_program_stands_on_routes_that_it_did_not_see_beside_those_that_it_sa
     for (key, expected) in [
         ("seen_parent_attack", attack(0.5)),
         ("seen_evolved_attack", attack(1.0)),
-        // CR and 1 - OS both double.
-        ("seen_attack_change_pct", 300.0),
         ("seen_parent_ars", 0.8),
         ("parent_cr", 0.5),
         // One of two lane changes, all right turns.

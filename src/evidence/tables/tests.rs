@@ -59,6 +59,7 @@ pub(in crate::evidence) fn run(name: &str, models: &[(&str, &str)]) -> RecordedR
             rollouts: 0,
         }),
         root: Digest::of_bytes(name.as_bytes()),
+        redrawn: Vec::new(),
         seed_note: None,
         declared: Declared::default(),
     })

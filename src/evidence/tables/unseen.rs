@@ -11,7 +11,7 @@ use super::labels;
 use super::layout::{Cell, Column, Form, METHOD, Numbers, POLICY, Part, Table};
 use super::notes;
 use super::resampled::Resampled;
-use super::safebench::{COUNTS, FRONTIER, Subject, in_order, main_columns, main_numbers};
+use super::safebench::{COUNTS, FRONTIERS, REDRAWN, Subject, in_order, main_columns, main_numbers};
 use crate::evaluation::Group;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
@@ -33,12 +33,9 @@ const fn seen_column(key: &'static str, head: &'static str, form: Form) -> Colum
 }
 
 /// Columns of the routes that evolution saw.
-const SEEN: [(Column, SeenRead); 5] = [
+const SEEN: [(Column, SeenRead); 4] = [
     (seen_column("seen_parent_attack", "Parent Attack", Form::Rate), |[parent, _]| Some(parent.attack)),
     (seen_column("seen_evolved_attack", "Chosen Attack", Form::Rate), |[_, chosen]| Some(chosen.attack)),
-    (seen_column("seen_attack_change_pct", "Attack rel.", Form::Gain), |[parent, chosen]| {
-        (parent.attack > 0.0).then(|| 100.0 * (chosen.attack - parent.attack) / parent.attack)
-    }),
     (seen_column("seen_parent_ars", "Parent ARS", Form::Rate), |[parent, _]| Some(parent.realism)),
     (seen_column("seen_evolved_ars", "Chosen ARS", Form::Rate), |[_, chosen]| Some(chosen.realism)),
 ];
@@ -86,19 +83,21 @@ pub fn held_out_change(run: &RecordedRun, of: &[&LineageResult]) -> Option<[Esti
     let resampled = Resampled::new(&own.map(archives::LineageArchive::archived).collect::<Vec<_>>());
     let change = |rate: fn(&BenchmarkRow) -> f64| {
         let of = |round: Option<&Option<Benchmark>>| Some(rate(&round?.as_ref()?.mean));
-        resampled.estimate(|rounds| Some(of(rounds.last())? - of(rounds.first())?))
+        resampled.estimate(|scores| Some(of(scores.rounds.last())? - of(scores.redrawn.last())?))
     };
     Some([change(|row| row.attack)?, change(|row| row.realism)?])
 }
 
-/// The seen routes first, then the main table's columns but for the frontier's, which has no held-out reading.
+/// The seen routes first, then the main table's columns but for the frontier's, which has no held-out reading, and the redrawn parent's:
+/// routes that chose nothing need no such control.
 fn columns() -> Vec<Column> {
     let group = |group| match group {
         "Parent" => "Held-out: parent",
         "Evolved" => "Held-out: chosen",
         _ => "Held-out: change",
     };
-    let held_out = main_columns().into_iter().filter(|column| column.key != FRONTIER);
+    let held_out = main_columns().into_iter();
+    let held_out = held_out.filter(|column| column.group != REDRAWN && !FRONTIERS.contains(&column.key));
     let held_out = held_out.map(|column| Column { group: group(column.group), ..column });
     SEEN.map(|(column, _)| column).into_iter().chain(held_out).collect()
 }
@@ -120,7 +119,8 @@ fn seen_numbers(runs: &[RecordedRun], of: &Subject<'_>) -> Numbers {
 /// What a reader must know beside the numbers.
 fn notes(runs: &[RecordedRun], all: &[archives::LineageArchive]) -> Vec<String> {
     let held_out = "One program a row here, and no archive: the parent, and the one that was chosen on evolution labels alone. Held-out routes \
-                    were opened after that choice. safebench-main shows what the archive keeps of many programs on the routes that \
+                    were opened after that choice, so the change there needs no redraw of the parent. The seen routes made the choice: of \
+                    them no change is shown, because the best of many is ahead there whatever it does. safebench-main shows what the archive keeps of many programs on the routes that \
                     evolution saw, as the paper does; the paper has no such routes, so no figures of it stand here.";
     let mut notes = vec![
         held_out.to_string(),

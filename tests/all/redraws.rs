@@ -45,12 +45,15 @@ fn table(folder: &Path, more: &[&str]) -> (i32, String) {
     (ran.code, format!("{}{}", ran.stdout, ran.stderr))
 }
 
-/// The value of a column of the row of Human.
-fn number(csv: &str, column: &str) -> f64 {
+/// A column of the row of Human.
+fn place(csv: &str, column: &str) -> String {
     let mut lines = csv.lines();
     let place = lines.next().unwrap().split(',').position(|head| head == column).unwrap();
-    let row = lines.find(|line| line.starts_with("Human,")).unwrap();
-    row.split(',').nth(place).unwrap().parse().unwrap_or_else(|_| panic!("{column}: {row}"))
+    lines.find(|line| line.starts_with("Human,")).unwrap().split(',').nth(place).unwrap().to_string()
+}
+
+fn number(csv: &str, column: &str) -> f64 {
+    place(csv, column).parse().unwrap_or_else(|_| panic!("{column}: {csv}"))
 }
 
 fn kept(folder: &Path) -> Vec<Redrawn> {
@@ -104,13 +107,19 @@ fn a_table_draws_parents_as_often_as_programs_were_drawn_and_the_folder_keeps_it
     assert_eq!(table(folder, &[]).0, 0);
     assert_eq!(std::fs::read_to_string(&file).unwrap(), text);
 
-    // A parent that comes out otherwise than recorded is no control.
+    // Without its scenes the table has no change, and says so.
     let other = tempfile::tempdir().unwrap();
     let copy = other.path().join(folder.file_name().unwrap());
     copy_dir(folder, &copy);
     std::fs::remove_file(copy.join("redrawn.json")).unwrap();
     std::fs::remove_file(copy.join("scenes.pool")).unwrap();
-    assert_eq!(table(&copy, &[]).0, 2, "its scenes are gone");
+    let (code, without) = table(&copy, &[]);
+    assert!(
+        code == 0 && without.contains("its parents cannot be drawn anew") && without.contains("scenes.pool"),
+        "{without}"
+    );
+    let gone = ["attack_change_pct", "redrawn_cr"].map(|column| place(&without, column));
+    assert!(gone.iter().all(String::is_empty) && !place(&without, "evolved_cr").is_empty(), "{without}");
 }
 
 #[test]
@@ -125,8 +134,9 @@ fn a_search_whose_proposals_change_nothing_gains_exactly_nothing() {
     }
 }
 
-/// PF-Area@3 of a search in which every program is the parent, on scenes under names of their own.
-fn gains(named: &str, programs: usize) -> BTreeMap<String, f64> {
+/// A search in which every program is the parent, on scenes under names of their own. The programs differ in effect from the parent and from
+/// each other, or not at all.
+fn redrawn(named: &str, programs: usize, differ: bool) -> Redrawn {
     let read = Experiment::read(&home().join("experiments/safebench/human-idm.toml")).unwrap();
     let options = FamilyOptions { routes: (4..=9).collect(), draws: 4, ..FamilyOptions::all() };
     let scenes = (0..options.count()).map(|i| family_member(&options, Seed(7), i).unwrap());
@@ -139,10 +149,11 @@ fn gains(named: &str, programs: usize) -> BTreeMap<String, f64> {
     let (sources, lineage, none) = (families::sources(), LineageId::new("human-idm"), BTreeMap::new());
     let (source, simulator) = (sources.get(&FamilyName::new("human")).unwrap(), read.simulator.rules());
     let parent = source.parent.adopted(&lineage);
-    // Other programs in effect, so that each has draws of its own.
     let other = |k: usize| {
         let mut program = Program { solution_id: SolutionId::new(format!("human-idm/e0s{k}")), ..parent.clone() };
-        program.parameters.insert("temperature".into(), ParameterValue::Number(0.6 + 0.1 * k as f64));
+        program
+            .parameters
+            .insert("temperature".into(), ParameterValue::Number(if differ { 0.6 + 0.1 * k as f64 } else { 0.5 }));
         program
     };
     let others: Vec<Program> = (0..programs).map(other).collect();
@@ -168,14 +179,22 @@ fn gains(named: &str, programs: usize) -> BTreeMap<String, f64> {
         archive: &read.archive,
         selector: &read.selector,
     };
-    let (_, redrawn) = redraw.play(&Threads::new(2).unwrap()).unwrap();
-    redrawn.pf_area_at_3_pct_by_group
+    redraw.play(&Threads::new(2).unwrap()).unwrap().1
+}
+
+/// Who does in every scene what the parent does draws nothing, and neither does the parent in its place.
+#[test]
+fn programs_that_are_alike_in_effect_share_a_draw() {
+    let alike = redrawn("", 3, false);
+    assert!(alike.pf_area_at_3_pct_by_group.values().all(|gain| *gain == 0.0));
+    assert!(alike.rounds.iter().flat_map(|round| &round.selected).all(|kept| !kept.scene.contains("/redraw")));
 }
 
 /// The frontier gain is never negative, so a search that finds nothing has one. Less that of the parent drawn as often it has none.
 #[test]
 fn the_frontier_of_a_parent_that_is_drawn_again_is_no_gain() {
-    let (search, control) = (gains("/search", 4), gains("", 4));
+    let gains = |named| redrawn(named, 4, true).pf_area_at_3_pct_by_group;
+    let (search, control) = (gains("/search"), gains(""));
     let over = |of: &dyn Fn(&str) -> f64| {
         let differences: Vec<f64> = search.iter().map(|(group, gain)| gain - of(group)).collect();
         let mean = num::mean(&differences).unwrap();

@@ -7,10 +7,11 @@ use std::sync::Arc;
 use serde::{Serialize, de::DeserializeOwned};
 
 use crate::archive::ArchiveOptions;
+use crate::archive::search::Method;
 use crate::kernel::Digest;
 use crate::objects::benchmark::{ArchiveRound, Redrawn};
 use crate::objects::{
-    Attempt, Composed, Counselled, LineageId, SceneScore, Score, SolutionId, WorldEvolved,
+    Attempt, Composed, Counselled, LineageId, Role, SceneScore, Score, SolutionId, WorldEvolved,
     event::{Finalist, Frozen, HeldOut, LineageResult, Opened, ParentAdopted, RunResult, Settled, kind},
     program::Program,
     replay::Replayed,
@@ -81,6 +82,53 @@ pub struct RunEvents {
     pub seed_note: Option<String>,
     /// What no event holds.
     pub declared: Declared,
+}
+
+/// What stands in the place of an actor's model where the search draws its patches. Labels open with their kind: this one's is `random`.
+const RANDOM_PATCHES: &str = "random legal patches";
+
+/// The kind that a model's label opens with.
+pub fn kind_of(label: &str) -> &str {
+    label.split(' ').next().unwrap_or_default()
+}
+
+impl RunEvents {
+    /// Who answered, by role: labels of models. The opening names a model for every role of the experiment; left out are critics where none was
+    /// asked, and all who propose where the search drew its patches.
+    pub fn models(&self) -> BTreeMap<String, String> {
+        let method = self.opened.search.as_ref().map(|search| search.method.as_str());
+        let drawn = Method::ALL.iter().any(|of| of.draws_patches() && method == Some(of.name()));
+        let asked = || self.attempts.iter().flat_map(|attempt| &attempt.proposal.exchanges).map(|exchange| exchange.role);
+        let is_critic = |role: &str| Role::CRITICS.iter().any(|critic| critic.name() == role);
+        let unreviewed = drawn || asked().next().is_some() && !asked().any(|role| Role::CRITICS.contains(&role));
+        let mut models = self.opened.models.clone();
+        models.retain(|role, _| !(unreviewed && is_critic(role) || drawn && role == Role::Repair.name()));
+        if drawn {
+            models.insert(Role::Actor.name().into(), RANDOM_PATCHES.into());
+        }
+        models
+    }
+
+    /// Roles that the scripted stand-in answered.
+    pub fn scripted_roles(&self) -> Vec<String> {
+        self.models().into_iter().filter(|(_, label)| kind_of(label) == "scripted").map(|(role, _)| role).collect()
+    }
+
+    /// The kind of whoever proposes patches: of the actor's model, or `random`.
+    pub fn proposer(&self) -> String {
+        self.models().get(Role::Actor.name()).map_or("", |label| kind_of(label)).to_string()
+    }
+
+    /// Who answered which roles, in one line.
+    pub fn proposals_from(&self) -> String {
+        let models = self.models();
+        let mut roles: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+        models.iter().for_each(|(role, label)| roles.entry(label).or_default().push(role));
+        match roles.len() {
+            1 => roles.into_keys().collect(),
+            _ => roles.iter().map(|(label, of)| format!("{label} as {}", of.join(", "))).collect::<Vec<_>>().join("; "),
+        }
+    }
 }
 
 /// What a run's experiment declares and its events do not say; empty where nobody read the experiment.

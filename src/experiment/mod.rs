@@ -36,7 +36,7 @@ pub use error::{ExperimentError, OptionError, did_you_mean};
 pub use family_name::family_named;
 pub use file::{Composed, composed};
 pub use model_options::ModelOptions;
-pub use models::{asked, by_role, is_scripted, provenance};
+pub use models::{asked, by_role, is_scripted};
 pub use named_driver::{PlannerFile, named_driver};
 pub use options::{BudgetOptions, Experiment, LineageOptions, PlainContacts, SceneSource, SplitOptions};
 pub use page::{listing, page};

@@ -38,19 +38,6 @@ pub fn is_scripted(experiment: &Experiment) -> bool {
     asked(experiment).iter().all(scripted)
 }
 
-/// Which models answered which roles, in one line.
-pub fn provenance(experiment: &Experiment) -> String {
-    let mut roles_of: BTreeMap<String, Vec<&str>> = BTreeMap::new();
-    for (role, spec) in by_role(experiment) {
-        roles_of.entry(spec.label()).or_default().push(role.name());
-    }
-    if let [label] = roles_of.keys().collect::<Vec<_>>().as_slice() {
-        return label.to_string();
-    }
-    let parts = roles_of.iter().map(|(label, roles)| format!("{label} as {}", roles.join(", ")));
-    parts.collect::<Vec<_>>().join("; ")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -72,7 +59,8 @@ mod tests {
         let of: Vec<(f64, &str)> = drawn.of.iter().map(|(share, model)| (*share, model.name.as_str())).collect();
         assert_eq!((drawn.seed, of), (experiment.seed, vec![(2.0, "other"), (1.0, "scripted")]));
         assert_eq!(asked(&experiment), BTreeSet::from(["mix", "other", "scripted"]));
-        assert!(provenance(&experiment).contains("drawn (mix: 2 scripted (other, "), "{}", provenance(&experiment));
+        let label = by_role(&experiment)[&Role::Actor].label();
+        assert!(label.starts_with("drawn (mix: 2 scripted (other, "), "{label}");
     }
 
     #[test]

@@ -66,7 +66,7 @@ pub struct Opened {
     pub versions: Versions,
     /// Contract digests by family.
     pub contracts: BTreeMap<FamilyName, Digest>,
-    /// Label of the model of each role. It begins with the model's kind.
+    /// Label of the model of each role, asked or not. It begins with the model's kind.
     pub models: BTreeMap<String, String>,
     /// Which method searches and its budget, where the experiment says so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -87,14 +87,6 @@ pub struct Searched {
     /// Distinct rollouts on evolution scenes that a lineage may use; `None` where epochs and slots alone bound it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rollouts: Option<usize>,
-}
-
-impl Opened {
-    /// Roles that the scripted stand-in answered, by the kind of their models.
-    pub fn scripted_roles(&self) -> Vec<&str> {
-        let scripted = |label: &str| label.split(' ').next() == Some("scripted");
-        self.models.iter().filter(|(_, label)| scripted(label)).map(|(role, _)| role.as_str()).collect()
-    }
 }
 
 /// Versions of meaning, which are part of every key.

@@ -611,7 +611,8 @@ fn answer(
         result.lineages.iter().filter_map(|of| Choice::of(run, &of.lineage, &experiment.selector)).collect();
     let realisms: Vec<LineageRealisms> = result.lineages.iter().filter_map(|of| LineageRealisms::of(run, of)).collect();
     let unlabelled = unlabelled(run);
-    let summary = Summary { result, choices: &choices, realisms: &realisms, unlabelled: &unlabelled };
+    let from = run.proposals_from();
+    let summary = Summary { result, from: &from, choices: &choices, realisms: &realisms, unlabelled: &unlabelled };
     let text = result_text::summary(experiment, folder, summary, root, table_width());
     let object = json!({
         "name": experiment.name,

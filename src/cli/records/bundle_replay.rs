@@ -109,8 +109,8 @@ fn executed(folder: &RunFolder, opened: &Opened, signed: &str, bundle: &Path, jo
     let kept = Cassette::load(&folder.cassette())?;
     let others = kept.exchanges().iter().filter(|recorded| !asked.contains(&recorded.key)).count();
     let answers = asked.len();
-    let models: BTreeSet<&str> = run.opened.models.values().map(String::as_str).collect();
-    let models: Vec<&str> = models.into_iter().collect();
+    let models: BTreeSet<String> = run.models().into_values().collect();
+    let models: Vec<String> = models.into_iter().collect();
     let elsewhere = folder.rollouts().exists();
     let (simulated, replayed) = match elsewhere {
         true => ("outcomes summed up again from recorded motion", ", and motion of another simulator (rollouts.jsonl)"),

@@ -52,7 +52,7 @@ pub fn packed_of(folder: &RunFolder, run: &RecordedRun, name: &str) -> Result<Pr
         run: run.opened.name.clone(),
         root: run.root,
         solution: program.solution_id.clone(),
-        models: run.opened.models.clone(),
+        models: run.models(),
     });
     let file = ProgramFile {
         format: PROGRAM_FORMAT.into(),

@@ -173,8 +173,8 @@ fn provenance(wanted: &[&Piece], ran: &Ran, made: &Made) -> Result<String, Failu
                 "pool_digest": opened.pool,
                 "cassette_digest": cassette,
                 "root": recorded.root,
-                "models": opened.models,
-                "scripted_roles": opened.scripted_roles(),
+                "models": recorded.models(),
+                "scripted_roles": recorded.scripted_roles(),
                 "versions": opened.versions,
             });
             (name, object)

@@ -11,7 +11,7 @@ use crate::evidence::aligned::Aligned;
 use crate::evidence::choice::Choice;
 use crate::evidence::lineage_text::shortened;
 use crate::evidence::realism::{LineageRealisms, realism_text};
-use crate::experiment::{Experiment, provenance};
+use crate::experiment::Experiment;
 use crate::kernel::{Digest, num};
 use crate::objects::event::{LineageResult, Measured, RunResult};
 use crate::objects::realism_name;
@@ -66,6 +66,8 @@ const FRONTS_MAX: usize = 12;
 #[derive(Clone, Copy)]
 pub struct Summary<'a> {
     pub result: &'a RunResult,
+    /// Who answered which roles.
+    pub from: &'a str,
     pub choices: &'a [Choice],
     /// Of the lineages whose held-out labels are recorded.
     pub realisms: &'a [LineageRealisms],
@@ -78,13 +80,13 @@ pub struct Summary<'a> {
 pub fn summary(
     experiment: &Experiment,
     folder: &RunFolder,
-    Summary { result, choices, realisms, unlabelled }: Summary<'_>,
+    Summary { result, from, choices, realisms, unlabelled }: Summary<'_>,
     root: Digest,
     width: usize,
 ) -> String {
     let mut out = format!("{}: {}\n", experiment.name, experiment.describes);
     let held_out = result.lineages.first().map_or(0, |l| l.held_out_scenes);
-    let _ = writeln!(out, "proposals from: {}; {}\n", provenance(experiment), counted(held_out, "held-out scene"));
+    let _ = writeln!(out, "proposals from: {from}; {}\n", counted(held_out, "held-out scene"));
     if let Some(note) = &experiment.seed_note {
         let _ = writeln!(out, "note: {note}\n");
     }

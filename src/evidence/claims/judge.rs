@@ -7,7 +7,7 @@ use super::file::{Claim, Claims, ClaimsError, Direction};
 use super::measure;
 use crate::evidence::downstream;
 use crate::evidence::recorded_run::RecordedRun;
-use crate::evidence::tables::{self, Estimate, RESAMPLES, Row, Table, TableError};
+use crate::evidence::tables::{self, proposers, Estimate, RESAMPLES, Row, Table, TableError};
 use crate::kernel::{Threads, num};
 use crate::objects::downstream::Downstream;
 
@@ -94,12 +94,12 @@ pub struct Judgement {
     pub level: f64,
     /// How many were tested: what Holm's correction counts.
     pub tested: usize,
-    /// Name, root, and whether its proposals came from the scripted stand-in.
-    pub runs: Vec<(String, String, bool)>,
+    /// Name, root, and kinds of whoever proposed.
+    pub runs: Vec<(String, String, String)>,
     /// Names of those runs in which every search was made once.
     pub one_seed: Vec<String>,
     /// The same of the studies, the recipe in the root's place.
-    pub studies: Vec<(String, String, bool)>,
+    pub studies: Vec<(String, String, String)>,
     pub claims: Vec<Judged>,
 }
 
@@ -173,12 +173,11 @@ pub fn judge(
     judged.sort_by_key(|claim| claim.verdict);
     let named =
         |recorded: &&RecordedRun| claims.runs.values().any(|named| named.experiments().contains(&recorded.opened.name));
-    let source = |recorded: &RecordedRun| {
-        (recorded.opened.name.clone(), recorded.root.to_hex(), !recorded.opened.scripted_roles().is_empty())
-    };
+    let source =
+        |recorded: &RecordedRun| (recorded.opened.name.clone(), recorded.root.to_hex(), proposers(recorded));
     let study = |record: &Downstream| {
-        let scripted = record.opening.proposals.split(" + ").any(|kind| kind == "scripted");
-        (record.opening.name.clone(), record.opening.recipe.to_hex(), scripted)
+        let opening = &record.opening;
+        (opening.name.clone(), opening.recipe.to_hex(), opening.proposals.clone())
     };
     Ok(Judgement {
         level: claims.level,

@@ -20,11 +20,12 @@ pub fn markdown(found: &Judgement) -> String {
     let _ = writeln!(out, "{} claims: {}.{of_course}\n", found.claims.len(), counts.join(", "));
     let runs = found.runs.iter().map(|source| ("run", "root", source));
     let studies = found.studies.iter().map(|source| ("study", "recipe", source));
-    for (what, by, (name, root, scripted)) in runs.chain(studies) {
-        let from = if *scripted {
-            "proposals from the scripted stand-in, which is no language model"
-        } else {
-            "no scripted role"
+    for (what, by, (name, root, kinds)) in runs.chain(studies) {
+        let from = match kinds.as_str() {
+            "scripted" => "proposals from the scripted stand-in, which is no language model".to_string(),
+            "" => "no proposer is named".to_string(),
+            "random" => "random legal patches in place of proposals".to_string(),
+            _ => format!("proposals from {kinds}"),
         };
         let once = match what == "run" && found.one_seed.contains(name) {
             true => "; one seed of every search, so that its intervals and p do not hold the spread between searches",

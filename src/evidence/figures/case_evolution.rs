@@ -308,10 +308,10 @@ fn patches(sheet: &mut Figure, run: &RecordedRun, chain: &[&Program]) {
             sheet.text((28.0, y), LETTERS, Anchor::Start, line);
             y += 9.5;
         }
-        // A stand-in expects nothing: its words repeat the patch.
-        let scripted = run.opened.scripted_roles().contains(&"actor");
+        // A stand-in expects nothing, and a draw neither: their words repeat the patch.
+        let by_rule = matches!(run.proposer().as_str(), "scripted" | "random");
         let expected = format!("Its proposer expected: {}", in_font(patch.hypothesis.trim()));
-        let lines = if scripted { Vec::new() } else { wrapped(&expected, 7.0, room, LINES_MAX) };
+        let lines = if by_rule { Vec::new() } else { wrapped(&expected, 7.0, room, LINES_MAX) };
         for line in lines {
             let (size, anchor, bold, upwards) = (7.0, Anchor::Start, false, false);
             sheet.words(Words { at: (28.0, y), size, anchor, bold, colour: GREY, upwards, text: line });

@@ -36,9 +36,18 @@ pub fn foot(figure: &mut Figure, text: &str) {
 pub fn source(runs: &[&RecordedRun]) -> String {
     let named: Vec<String> =
         runs.iter().map(|run| format!("{} (root {})", run.opened.name, run.root.short(12))).collect();
-    // Who reviews does not propose.
-    let proposes = |role: &&str| matches!(*role, "actor" | "repair");
-    let scripted = runs.iter().any(|run| run.opened.scripted_roles().iter().any(proposes));
-    let from = if scripted { "; proposals of the scripted stand-in, which is no language model" } else { "" };
-    format!("Recorded: {}{from}.", named.join(", "))
+    let from = |(kind, words): (&str, &str)| {
+        let own: Vec<&str> =
+            runs.iter().filter(|run| run.proposer() == kind).map(|run| run.opened.name.as_str()).collect();
+        match own.len() {
+            0 => String::new(),
+            n if n == runs.len() => format!("; {words}"),
+            _ => format!("; {words}: {}", own.join(", ")),
+        }
+    };
+    let kinds = [
+        ("scripted", "proposals of the scripted stand-in, which is no language model"),
+        ("random", "random legal patches in place of proposals"),
+    ];
+    format!("Recorded: {}{}.", named.join(", "), kinds.map(from).concat())
 }

@@ -80,17 +80,18 @@ pub fn badges(run: &RecordedRun, stage: &Stage) -> Vec<Badge> {
 
 /// Who proposed the patches.
 fn proposers(run: &RecordedRun) -> Badge {
-    let actor = run.opened.models.get("actor").cloned().unwrap_or_else(|| "nobody".into());
-    let scripted = run.opened.scripted_roles();
-    let (all, count) = (run.opened.models.len(), scripted.len());
+    let (models, scripted) = (run.models(), run.scripted_roles());
+    let actor = models.get("actor").map_or("nobody", String::as_str);
+    let (all, count) = (models.len(), scripted.len());
     let stand_in = "A rule-based stand-in, which is no language model: its results show that the loop works and say nothing about what language models find.";
     if count == all {
         let (says, rests_on) = ("proposed by the scripted stand-in".into(), stand_in.into());
         return Badge { standing: Standing::Note, says, rests_on };
     }
-    let (says, standing) = match scripted.contains(&"actor") {
-        true => ("proposed by the scripted stand-in".to_string(), Standing::Note),
-        false => {
+    let (says, standing) = match run.proposer().as_str() {
+        "scripted" => ("proposed by the scripted stand-in".to_string(), Standing::Note),
+        "random" => ("random legal patches: nobody was asked for a proposal".to_string(), Standing::Note),
+        _ => {
             let critics = match scripted.iter().any(|role| role.ends_with("critic")) {
                 true => "; critics are rules",
                 false => "",
@@ -100,6 +101,7 @@ fn proposers(run: &RecordedRun) -> Badge {
     };
     let roles: Vec<String> = scripted.iter().map(|role| in_words(role)).collect();
     let rests_on = match roles.is_empty() {
+        true if run.proposer() == "random" => "A null search: patches are drawn by the experiment's seed, so what it gains comes by chance.".to_string(),
         true => "The models' answers are recorded: the run replays without them.".to_string(),
         false => format!(
             "The models' answers are recorded: the run replays without them. The scripted stand-in, which is no language model, answered as {}.",

@@ -173,14 +173,13 @@ impl<'a> Ablation<'a> {
         let suites: BTreeMap<_, usize> = self.lineages.iter().map(|l| (l.suite, l.suite_scenes)).collect();
         let seeds = self.lineages.iter().map(|lineage| lineage.replica).collect::<BTreeSet<u32>>().len();
         let rollouts = self.lineages.iter().map(|lineage| self.rollouts(&lineage.lineage)).sum();
-        let asked = self.recorded.attempts.iter().any(|attempt| !attempt.proposal.exchanges.is_empty());
         Row {
             key: RowKey::of(self.lineages.iter().map(LineageLabels::key)),
             labels: vec![title],
             lineages: self.lineages.iter().map(|lineage| lineage.lineage.to_string()).collect(),
             cells: Cell::row(&COLUMNS, numbers, figures),
             counts: vec![suites.values().sum(), seeds, self.lineages.len(), rollouts, self.recorded.attempts.len()],
-            proposals: if asked { labels::proposals(self.recorded) } else { "random".into() },
+            proposals: labels::proposals(self.recorded),
             notes: Vec::new(),
         }
     }

@@ -11,7 +11,7 @@ use super::paper::{
 };
 use super::searches::{self, Repeated, Repetition};
 use super::stopped;
-use crate::evidence::recorded_run::{OWN_PLANNER, RecordedRun};
+use crate::evidence::recorded_run::{OWN_PLANNER, RecordedRun, kind_of};
 use crate::kernel::Digest;
 use crate::objects::{
     LineageId, ParameterValue, Role, SceneScore, Score, SolutionId,
@@ -217,14 +217,12 @@ pub fn run_name(recorded: &RecordedRun) -> String {
     format!("{} ({})", recorded.opened.name, recorded.root.short(8))
 }
 
-/// Kinds of the models of the roles that propose programs, e.g. `scripted` or `openai_compatible + scripted`: a label opens
-/// with its kind. Who is asked about scenes or descriptions is named in the run itself.
+/// Kinds of the models of the roles that propose programs, e.g. `scripted` or `openai_compatible + scripted`; `random` where they were drawn. Who is asked about scenes or descriptions is named in the run itself.
 pub fn proposals(recorded: &RecordedRun) -> String {
-    let kind = |label: &String| label.split(' ').next().unwrap_or_default().to_string();
     let asides = [Role::AttackerAgent, Role::TemplateAgent].map(Role::name);
-    let proposing =
-        recorded.opened.models.iter().filter(|(role, _)| !asides.contains(&role.as_str())).map(|(_, label)| label);
-    proposing.map(kind).collect::<BTreeSet<String>>().into_iter().collect::<Vec<_>>().join(" + ")
+    let models = recorded.models();
+    let proposing = models.iter().filter(|(role, _)| !asides.contains(&role.as_str())).map(|(_, label)| kind_of(label));
+    proposing.collect::<BTreeSet<&str>>().into_iter().collect::<Vec<_>>().join(" + ")
 }
 
 /// The result of a finished run.

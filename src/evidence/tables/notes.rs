@@ -19,8 +19,8 @@ pub fn runs(runs: &[RecordedRun]) -> Result<Vec<RunSource>, TableError> {
         Ok(RunSource {
             name: run.opened.name.clone(),
             root: run.root.to_hex(),
-            models: run.opened.models.clone(),
-            scripted_roles: run.opened.scripted_roles().into_iter().map(String::from).collect(),
+            models: run.models(),
+            scripted_roles: run.scripted_roles(),
             egos: egos(run),
             setting: run.declared.setting.clone(),
             seeds: seeds(&result.lineages),
@@ -60,13 +60,8 @@ pub fn intervals(over: &str) -> String {
 /// One sentence on a run: its size, and what the proposals came from.
 pub fn run(run: &RecordedRun) -> String {
     let opened = &run.opened;
-    let mut roles: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    opened.models.iter().for_each(|(role, label)| roles.entry(label).or_default().push(role));
-    let from = match roles.len() {
-        1 => roles.keys().map(|label| label.to_string()).collect(),
-        _ => roles.iter().map(|(label, of)| format!("{label} as {}", of.join(", "))).collect::<Vec<_>>().join("; "),
-    };
-    let stand_in = match opened.scripted_roles().is_empty() {
+    let from = run.proposals_from();
+    let stand_in = match run.scripted_roles().is_empty() {
         true => "",
         false => " (scripted is a rule-based stand-in, not a language model)",
     };

@@ -66,7 +66,7 @@ pub fn searched(run: &RecordedRun) -> SearchKind {
         () if is(Method::RandomProposals) || is(Method::Random) => SearchKind::Random,
         () if is(Method::ShuffledLabels) => SearchKind::Shuffled,
         () if !is(Method::Pareto) => SearchKind::Other,
-        () if labels::proposals(run) == "scripted" => SearchKind::StandIn,
+        () if run.proposer() == "scripted" => SearchKind::StandIn,
         () => SearchKind::Model,
     }
 }

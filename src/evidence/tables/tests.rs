@@ -7,7 +7,7 @@ use crate::archive::{ArchiveOptions, PromotionRule};
 use crate::evidence::recorded_run::{Declared, RecordedRun, RunEvents};
 use crate::kernel::Digest;
 use crate::objects::{
-    Attempt, FamilyName, LineageId, Met, Objectives, Origin, ParameterValue, Program, RunOrigin, SceneFailure,
+    Attempt, FamilyName, LineageId, Met, Objectives, Origin, ParameterValue, Program, Role, RunOrigin, SceneFailure,
     SceneScore, Score, SolutionId,
     attempt::*,
     event::*,
@@ -852,6 +852,45 @@ fn proposals_name_the_kinds_of_models_and_no_stand_in_passes_for_a_language_mode
     let note = table.notes.iter().find(|note| note.starts_with("Run mixed")).unwrap();
     assert!(note.contains("openai_compatible (qwen, q) as actor; scripted as repair"), "{note}");
     assert!(note.contains("not a language model"), "{note}");
+}
+
+#[test]
+fn a_role_that_nobody_was_asked_for_proposed_nothing() {
+    let scripted = [("actor", "scripted"), ("attacker_agent", "scripted"), ("realism_critic", "scripted")];
+    for method in ["random_proposals", "random"] {
+        let mut drawn = run("drawn", &scripted);
+        add(&mut drawn, &CAT);
+        drawn.opened.search = Some(Searched { method: method.into(), rollouts: None });
+        let table = metadrive_policy(&[drawn.clone()]).unwrap();
+        assert_eq!(row(&table, "CAT").proposals, "random");
+        let note = table.notes.iter().find(|note| note.starts_with("Run drawn")).unwrap();
+        assert!(note.contains("proposals from random legal patches as actor; scripted as attacker_agent (s"), "{note}");
+        assert_eq!(drawn.scripted_roles(), ["attacker_agent"]);
+        assert_eq!(table.json()["runs"][0]["models"]["actor"], "random legal patches");
+    }
+    // A search without critics names none, though its experiment has models for them.
+    let mut asked = run("asked", &[("actor", "exchange (agent, big)"), ("realism_critic", "scripted")]);
+    add(&mut asked, &CAT);
+    let named = |run: &RecordedRun| row(&metadrive_policy(std::slice::from_ref(run)).unwrap(), "CAT").proposals.clone();
+    let exchange = |role| Exchange {
+        role,
+        round: 0,
+        request: Digest::of_bytes(b"question"),
+        response: Digest::of_bytes(b"answer"),
+        model: "agent".into(),
+        metadata: None,
+        unwrapped: Vec::new(),
+        refusal: None,
+    };
+    let asking = |slot, role| {
+        let mut of = attempt("cat-idm", slot, Exit::Declined { reason: "none".into() });
+        of.proposal.exchanges.push(exchange(role));
+        of
+    };
+    asked.attempts.push(asking(0, Role::Actor));
+    assert_eq!(named(&asked), "exchange");
+    asked.attempts.push(asking(1, Role::RealismCritic));
+    assert_eq!(named(&asked), "exchange + scripted");
 }
 
 /// A run's events do not hold which contacts its experiment counts, so a note that named one reading would be wrong below the others.

@@ -37,7 +37,8 @@ pub fn players_below(above: &str, drawings: &[(String, Drawing)], title: &str) -
 
 /// The page that shows drawings beside each other, each below its line.
 pub fn beside_html(drawings: &[(String, Drawing)], title: &str) -> String {
-    let above = "<style>#all { display: flex; flex-wrap: wrap; gap: 1rem } #all > div { flex: 1 1 24rem }</style><div id=\"all\"></div>\n";
+    let above = "<style>#all { display: flex; flex-wrap: wrap; gap: 1rem; padding-bottom: 1rem } #all > div { flex: 1 1 24rem; min-width: 0 } \
+                 #all .evo-stage { flex: none; height: clamp(320px, 62vh, 640px) }</style><div id=\"all\"></div>\n";
     let mount = "const all = JSON.parse(document.getElementById(\"drawing\").textContent);\n\
                  document.getElementById(\"player\").remove();\n\
                  all.forEach(([line, drawing]) => {\n\
@@ -49,6 +50,10 @@ pub fn beside_html(drawings: &[(String, Drawing)], title: &str) -> String {
 
 fn page(title: &str, above: &str, data: &str, mount: &str) -> String {
     let title = escaped(title);
+    let above = match above {
+        "" => String::new(),
+        above => format!("<div class=\"evo-above\">\n{above}</div>\n"),
+    };
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{title}</title>\n\

@@ -67,6 +67,22 @@ fn a_page_is_self_contained_and_its_data_are_the_drawing() {
     assert_eq!(serde_json::from_str::<Drawing>(data).unwrap(), drawing);
 }
 
+/// In a page as high as the window, what stands above a player would leave it no height.
+#[test]
+fn a_player_below_other_content_has_a_height_of_its_own_and_a_page_that_scrolls() {
+    let drawings = [("one".to_string(), Drawing::of_scene(&scene(WorldKind::Merge)))];
+    let rule = ".evo-page:has(.evo-above) > .evo-player { flex: none; height: max(420px, 85vh); }";
+    for page in
+        [players_below("<p>above</p>", &drawings, "a"), players_html(&drawings, "b"), beside_html(&drawings, "c")]
+    {
+        let (_, body) = page.split_once("<body").unwrap();
+        let (above, _) = body.split_once("<div id=\"player\"").unwrap();
+        assert!(above.contains("<div class=\"evo-above\">") && above.trim_end().ends_with("</div>"), "{above}");
+        assert!(page.contains(rule) && page.contains(".evo-page:has(.evo-above) { height: auto;"));
+    }
+    assert!(!player_html(&drawings[0].1, "alone").contains("class=\"evo-above\""), "it alone fills the window");
+}
+
 #[test]
 fn every_role_that_occurs_is_in_the_legend_once() {
     let drawing = Drawing::of_scene(&scene(WorldKind::UnsignalledCrossing));

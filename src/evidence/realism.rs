@@ -53,8 +53,8 @@ impl LineageRealisms {
     /// `None` where the record lacks the labels of one of the two.
     pub fn of(run: &RecordedRun, result: &LineageResult) -> Option<LineageRealisms> {
         let program = |solution: &SolutionId| {
-            let measured = run.held_out.iter().find(|of| of.lineage == result.lineage && of.solution == *solution)?;
-            Some(ProgramRealisms { solution: solution.clone(), realisms: Realisms::of(&measured.score) })
+            let score = run.held_out_score(&result.lineage, solution)?;
+            Some(ProgramRealisms { solution: solution.clone(), realisms: Realisms::of(score) })
         };
         Some(LineageRealisms {
             lineage: result.lineage.to_string(),

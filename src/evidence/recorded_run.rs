@@ -98,7 +98,8 @@ impl RunEvents {
     pub fn models(&self) -> BTreeMap<String, String> {
         let method = self.opened.search.as_ref().map(|search| search.method.as_str());
         let drawn = Method::ALL.iter().any(|of| of.draws_patches() && method == Some(of.name()));
-        let asked = || self.attempts.iter().flat_map(|attempt| &attempt.proposal.exchanges).map(|exchange| exchange.role);
+        let asked =
+            || self.attempts.iter().flat_map(|attempt| &attempt.proposal.exchanges).map(|exchange| exchange.role);
         let is_critic = |role: &str| Role::CRITICS.iter().any(|critic| critic.name() == role);
         let unreviewed = drawn || asked().next().is_some() && !asked().any(|role| Role::CRITICS.contains(&role));
         let mut models = self.opened.models.clone();
@@ -311,6 +312,12 @@ impl RecordedRun {
     /// How a lineage ended; `None` while the run is unfinished.
     pub fn result_of(&self, lineage: &LineageId) -> Option<&LineageResult> {
         self.result.as_ref()?.lineages.iter().find(|of| of.lineage == *lineage)
+    }
+
+    /// The held-out labels of one of a lineage's programs.
+    pub fn held_out_score(&self, lineage: &LineageId, solution: &SolutionId) -> Option<&Score> {
+        let own = self.held_out.iter().find(|of| of.lineage == *lineage && of.solution == *solution);
+        own.map(|of| &of.score)
     }
 
     /// The held-out labels of a program by scene.

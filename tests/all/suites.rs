@@ -254,6 +254,46 @@ fn two_versions_of_a_planner_are_told_apart_and_recorded_answers_need_no_python(
         &out(&after, "p.html"),
     ]));
     assert_eq!(played.code, 0, "{}", played.stderr);
+    // The same drive as a film, a strip and files for other programs, by the case and the result.
+    let without = |words: &[&str]| Ran::of(evodrive().env("PATH", "").args(words));
+    let film = out(&after, "p.gif");
+    let play = |to: &str, more: &[&str]| {
+        without(&[&["suite", "play", &suite, "--case", lost[0], "--recorded", &results[1], "--out", to], more].concat())
+    };
+    assert_eq!(play(&film, &[]).code, 0, "{}", play(&film, &["--overwrite"]).stderr);
+    assert!(std::fs::read(&film).unwrap().starts_with(b"GIF89a"));
+    let [other, both] = [play(&out(&after, "p.png"), &[]), play(&film, &["--recorded", &results[0], "--overwrite"])];
+    assert!(
+        other.code == 2 && other.stderr.contains("expected a name that ends in .html or .gif or .mp4"),
+        "{}",
+        other.stderr
+    );
+    assert!(both.code == 2 && both.stderr.contains("expected one driver for a film, found 2"), "{}", both.stderr);
+    assert!(!after.path().join("p.png").exists());
+    let strips = [0, 1].map(|at| {
+        let to = out(&after, &format!("strip-{at}.svg"));
+        let drawn = without(&["scenes", "draw", &suite, "--scene", lost[0], "--recorded", &results[at], "--out", &to]);
+        assert_eq!(drawn.code, 0, "{}", drawn.stderr);
+        drawn.stdout.lines().next().unwrap().to_string()
+    });
+    assert!(strips[1].contains("contact") && !strips[0].contains("contact with"), "{strips:?}");
+    let folder = out(&after, "files");
+    let export = [
+        "scenes",
+        "export",
+        &suite,
+        "--scene",
+        lost[0],
+        "--recorded",
+        &results[1],
+        "--format",
+        "scenarionet",
+        "--out",
+        &folder,
+    ];
+    assert_eq!(without(&export).code, 0, "{}", without(&export).stderr);
+    let pool = without(&["scenes", "draw", &results[1], "--recorded", &results[1], "--out", &out(&after, "no.svg")]);
+    assert!(pool.code == 2 && pool.stderr.contains("expected the suite that this result is of"), "{}", pool.stderr);
     let board = Ran::of(evodrive().env("PATH", "").args([
         "leaderboard",
         &suite,

@@ -114,13 +114,13 @@ fn a_run_names_realism_and_strict_realism_and_gives_each_its_number() {
     let folder = copied(dir.path());
     let text = run(&["check", path(&folder)]);
     let text = printed(&text);
-    // A line of the parent and, below it, one of the chosen program: attack, any crash, realism, strict realism.
+    // A line of the parent and, below it, one of the chosen program: attack, preventable, any crash, realism, strict realism.
     let (heads, row) = (cells(text, "lineage"), cells(text, LINEAGE));
-    assert_eq!(heads[1..7], ["program", "attack", "any", "crash", "realism", "strict"]);
-    assert_eq!([row[4], row[5]], [digits(parent.acted, 4), digits(parent.strict, 4)], "realism and strict realism");
+    assert_eq!(heads[1..8], ["program", "attack", "preventable", "any", "crash", "realism", "strict"]);
+    assert_eq!([row[5], row[6]], [digits(parent.acted, 4), digits(parent.strict, 4)], "realism and strict realism");
     let below = text.lines().skip_while(|line| !line.starts_with(LINEAGE)).nth(1).unwrap();
     let row: Vec<&str> = below.split_whitespace().collect();
-    assert_eq!([row[4], row[5]], [digits(evolved.acted, 4), digits(evolved.strict, 4)], "realism and strict realism");
+    assert_eq!([row[5], row[6]], [digits(evolved.acted, 4), digits(evolved.strict, 4)], "realism and strict realism");
     let object = json(&["check", path(&folder)]);
     let lineages = object["held_out_realism"].as_array().unwrap();
     let of = lineages.iter().find(|of| of["lineage"] == LINEAGE).unwrap();

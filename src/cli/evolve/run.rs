@@ -22,6 +22,7 @@ use crate::cli::terminal::width::{stderr_width, table_width};
 use crate::epoch::{self, Desk, Meter, Mode, Progress, Rollouts, Study, Tools};
 use crate::evidence::choice::Choice;
 use crate::evidence::realism::LineageRealisms;
+use crate::evidence::tables::LineagePreventable;
 use crate::evidence::{RecordedRun, unlabelled};
 use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
@@ -610,9 +611,17 @@ fn answer(
     let choices: Vec<Choice> =
         result.lineages.iter().filter_map(|of| Choice::of(run, &of.lineage, &experiment.selector)).collect();
     let realisms: Vec<LineageRealisms> = result.lineages.iter().filter_map(|of| LineageRealisms::of(run, of)).collect();
+    let preventable: Vec<LineagePreventable> =
+        result.lineages.iter().filter_map(|of| LineagePreventable::of(run, of)).collect();
     let unlabelled = unlabelled(run);
-    let from = run.proposals_from();
-    let summary = Summary { result, from: &from, choices: &choices, realisms: &realisms, unlabelled: &unlabelled };
+    let summary = Summary {
+        result,
+        from: &run.proposals_from(),
+        choices: &choices,
+        realisms: &realisms,
+        preventable: &preventable,
+        unlabelled: &unlabelled,
+    };
     let text = result_text::summary(experiment, folder, summary, root, table_width());
     let object = json!({
         "name": experiment.name,
@@ -623,6 +632,7 @@ fn answer(
         "result": result,
         "choices": choices,
         "held_out_realism": realisms,
+        "held_out_preventable": preventable,
         "rollouts": {"simulated": simulated, "reused": reused},
     });
     Answer::new(text, object)

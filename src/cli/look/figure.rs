@@ -2,13 +2,13 @@
 
 use clap::{Args, ValueEnum};
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::cli::look::{credit, playables, redraws, rollout};
 use crate::cli::records::folder::RunFolder;
 use crate::cli::records::run_name::{OneRun, Runs};
 use crate::cli::scenes::files;
-use crate::cli::terminal::output::Output;
+use crate::cli::terminal::output::{Output, by_ending};
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{Figure, pdf};
 use crate::evidence::RecordedRun;
@@ -22,7 +22,7 @@ pub struct Options {
     #[command(flatten)]
     pub runs: Runs,
     /// A lineage to show; may be given again. `case-evolution` shows these below each other, without one the run's first whose
-    /// reported program has patches, `pareto-front` and `front` a panel each, without one all.
+    /// reported program has patches, `pareto-front` and `front` a panel each, `contacts` two bars, without one all.
     #[arg(long)]
     pub lineage: Vec<String>,
     /// File to write: .svg, or .pdf with its font embedded.
@@ -48,6 +48,9 @@ pub enum Which {
     /// Attack against realism on held-out scenes: parent and reported programs of several searches, with intervals, a panel a
     /// generator.
     Front,
+    /// Contacts of parents and reported programs on held-out scenes, stacked by class, with the part that could have been prevented; two bars a
+    /// search.
+    Contacts,
     /// The loop: a patch's way from a frozen snapshot to the settled state, and its ways out (fig:method-architecture).
     Method,
     /// Pareto area by group over rounds (fig:carla-pareto-evolution).
@@ -73,6 +76,7 @@ impl Which {
             Which::CaseEvolution => return evolution(runs, &lineages, jobs),
             Which::ParetoFront => figures::pareto_front(&recorded_runs, &lineages).map(|(figure, _)| figure),
             Which::Front => figures::front(&recorded_runs, &lineages),
+            Which::Contacts => figures::contact_bars(&recorded_runs, &lineages),
             Which::Method => figures::method(),
             Which::CarlaPareto => figures::area_rounds(&recorded_runs),
             Which::Cases => figures::cases(&cases(runs, jobs)?, &recorded_runs),
@@ -128,7 +132,7 @@ fn cases(runs: &[FolderAndRun], jobs: usize) -> Result<Vec<Case>, Failure> {
 }
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
-    let ending = ending(&options.out)?;
+    let ending = by_ending("--out", &options.out, [("svg", Ending::Svg), ("pdf", Ending::Pdf)])?;
     // Pictures of the program itself need no run.
     let needs_none =
         matches!(options.figure, Which::Architecture | Which::Method) && options.runs.named().next().is_none();
@@ -176,15 +180,8 @@ fn points(options: &Options, runs: &[FolderAndRun]) -> Result<Option<String>, Fa
     Ok(Some(points))
 }
 
+#[derive(Clone, Copy)]
 enum Ending {
     Svg,
     Pdf,
-}
-
-fn ending(out: &Path) -> Result<Ending, Failure> {
-    match out.extension().and_then(|ending| ending.to_str()) {
-        Some("svg") => Ok(Ending::Svg),
-        Some("pdf") => Ok(Ending::Pdf),
-        _ => Err(Failure::bad_input(format!("--out {}: expected a name ending in .svg or .pdf", out.display()))),
-    }
 }

@@ -1,7 +1,7 @@
 //! Rollouts of one program of a run, simulated again and compared with what the run recorded: to be drawn and exported.
 
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::backend::Answers;
 use crate::cli::evolve::behind;
@@ -34,9 +34,28 @@ pub struct OfAttempt {
     /// The attempt's run: its folder, its name below runs/, or the beginning of either; without it the latest.
     #[arg(id = "run_option", long = "run", value_name = "RUN", requires = "attempt")]
     pub run: Option<PathBuf>,
+    /// Of a suite: take its cases as a driver drove them, from a result that `evodrive suite run --out` wrote and the recorded answers beside
+    /// it; no planner is started.
+    #[arg(long, value_name = "RESULT", requires = "run", conflicts_with_all = ["attempt", "ego_log"])]
+    pub recorded: Option<PathBuf>,
 }
 
 impl OfAttempt {
+    /// Refuses a result where no suite is named whose cases it drove.
+    ///
+    /// # Errors
+    /// As said.
+    pub fn without_result(&self, found: &Path) -> Result<(), Failure> {
+        match &self.recorded {
+            None => Ok(()),
+            Some(result) => Err(Failure::bad_input(format!(
+                "--recorded {}: expected the suite that this result is of, and a case of it, found {}",
+                result.display(),
+                found.display()
+            ))),
+        }
+    }
+
     /// The attempt's run, which may stand in the place where a pool does without an attempt.
     ///
     /// # Errors

@@ -8,7 +8,7 @@ use std::time::Duration;
 use crate::cli::cluster::worker_process::Processes;
 use crate::cli::look::rollout::OfAttempt;
 use crate::cli::scenes::{grid, show};
-use crate::cli::terminal::output::Output;
+use crate::cli::terminal::output::{Output, by_ending};
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{
     Drawing, Film, FilmOptions, Frame, StripOptions, Theme, even_steps, film, gif, pdf, strip, strip_figure, strips,
@@ -24,6 +24,8 @@ const FRAMES_MAX: usize = 24;
 /// Widths of a panel and of a film, pixels.
 const PANEL_PX: f64 = 360.0;
 const FILM_PX: f64 = 720.0;
+/// Margin around paths, metres.
+const AROUND_M: f64 = 12.0;
 /// Width of a panel of a PDF, points: four of them fill the text of a page.
 const PANEL_PT: f64 = 115.0;
 /// A film goes on for so long behind the contact, and its last picture stands for so many hundredths of a second.
@@ -56,7 +58,7 @@ pub struct Options {
     pub beside: Option<String>,
     /// So many scenes on one sheet (.svg, .pdf), a panel each, ending at the contact, with outlines of where ego and adversaries were before:
     /// the first of a pool, or the rollouts of --attempt, contacts first. With --scene one panel.
-    #[arg(long, value_name = "COUNT", conflicts_with_all = ["beside", "frames", "at", "episode"])]
+    #[arg(long, value_name = "COUNT", conflicts_with_all = ["beside", "frames", "at", "episode", "recorded"])]
     pub grid: Option<usize>,
     /// Number of panels of a strip, evenly spaced from the scene's current step to the contact or the end; without it
     /// 4.
@@ -66,7 +68,7 @@ pub struct Options {
     #[arg(long, value_delimiter = ',', conflicts_with = "frames", allow_negative_numbers = true)]
     pub at: Vec<f64>,
     /// Margin around the paths of ego and adversaries in the panels, metres.
-    #[arg(long, default_value_t = 12.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = AROUND_M, allow_negative_numbers = true)]
     pub around: f64,
     /// Width of a panel, pixels; without it 360, and 720 for a film. In a .pdf points; without it 115.
     #[arg(long, allow_negative_numbers = true)]
@@ -108,8 +110,30 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
             let other = beside(options, jobs)?;
             drawn_strip(options, kind, (&drawing, other.as_ref()), title)
         }
-        kind => drawn_film(options, kind, &drawing, title, jobs),
+        kind => {
+            let look =
+                Look { width_px: options.panel.unwrap_or(FILM_PX), theme: theme(options), around_m: options.around };
+            drawn_film((&options.out, options.output, kind == Kind::Gif), &look, &drawing, title, jobs)
+        }
     }
+}
+
+/// How a film looks.
+struct Look {
+    width_px: f64,
+    theme: Theme,
+    around_m: f64,
+}
+
+/// A rollout as a film in its usual look: a GIF, or an MP4 where ffmpeg is installed.
+pub fn film_of(
+    (out, output, is_gif): (&Path, Output, bool),
+    drawing: &Drawing,
+    title: String,
+    jobs: usize,
+) -> Result<Answer, Failure> {
+    let look = Look { width_px: FILM_PX, theme: Theme::Light, around_m: AROUND_M };
+    drawn_film((out, output, is_gif), &look, drawing, title, jobs)
 }
 
 /// The drawing of --beside, with the line that stands above it.
@@ -120,7 +144,8 @@ fn beside(options: &Options, jobs: usize) -> Result<Option<(String, Drawing)>, F
         "parent" | "replay" => format!("{lineage}/{name}"),
         attempt => attempt.to_string(),
     };
-    let of = OfAttempt { attempt: Some(named), ego_log: options.of.ego_log, run: options.of.run.clone() };
+    let of =
+        OfAttempt { attempt: Some(named), ego_log: options.of.ego_log, run: options.of.run.clone(), recorded: None };
     let (drawing, title) = show::drawn(options.path.as_ref(), options.scene.as_ref(), (&of, None), jobs)?;
     Ok(Some((title, drawing)))
 }
@@ -165,7 +190,13 @@ fn drawn_strip(
 }
 
 /// Every step from the scene's current one to a second behind the contact, or to the end.
-fn drawn_film(options: &Options, kind: Kind, drawing: &Drawing, title: String, jobs: usize) -> Result<Answer, Failure> {
+fn drawn_film(
+    (out, output, is_gif): (&Path, Output, bool),
+    look: &Look,
+    drawing: &Drawing,
+    title: String,
+    jobs: usize,
+) -> Result<Answer, Failure> {
     let last = drawing.steps.saturating_sub(1);
     let end = drawing.contact.as_ref().map_or(last, |contact| {
         let behind = (AFTER_CONTACT_S / drawing.dt_s.max(f64::MIN_POSITIVE)) as usize;
@@ -173,20 +204,20 @@ fn drawn_film(options: &Options, kind: Kind, drawing: &Drawing, title: String, j
     });
     let from = drawing.current_step.min(end);
     let film_of = FilmOptions {
-        width_px: options.panel.unwrap_or(FILM_PX),
-        theme: theme(options),
-        frame: Frame::Around(options.around),
+        width_px: look.width_px,
+        theme: look.theme,
+        frame: Frame::Around(look.around_m),
         steps: (from..=end).collect(),
         title: title.clone(),
     };
     let threads = Threads::new(jobs)?;
     let film = film(drawing, &film_of, &threads).map_err(Failure::bad_input)?;
-    if kind == Kind::Gif {
+    if is_gif {
         let delay_cs = (100.0 * drawing.dt_s).round() as u16;
-        options.output.write(&options.out, &gif(&film, delay_cs, LAST_CS).map_err(Failure::bad_input)?)?;
+        output.write(out, &gif(&film, delay_cs, LAST_CS).map_err(Failure::bad_input)?)?;
     } else {
-        options.output.may_be_made(&options.out)?;
-        write_mp4(&film, drawing.dt_s, &options.out)?;
+        output.may_be_made(out)?;
+        write_mp4(&film, drawing.dt_s, out)?;
     }
     let (pictures, seconds) = (film.pictures.len(), [from, end].map(|step| step as f64 * drawing.dt_s));
     let text = format!(
@@ -195,9 +226,9 @@ fn drawn_film(options: &Options, kind: Kind, drawing: &Drawing, title: String, j
         film.height,
         seconds[0],
         seconds[1],
-        options.out.display()
+        out.display()
     );
-    Ok(Answer::new(text, json!({"out": options.out, "title": title, "pictures": pictures, "seconds": seconds})))
+    Ok(Answer::new(text, json!({"out": out, "title": title, "pictures": pictures, "seconds": seconds})))
 }
 
 /// Has ffmpeg encode the pictures. It writes into a folder beside the file, which is moved to its place when it is whole.
@@ -250,21 +281,11 @@ fn write_mp4(film: &Film, dt_s: f64, out: &Path) -> Result<(), Failure> {
 /// What can be refused is refused before anything is simulated.
 fn check(options: &Options) -> Result<Kind, Failure> {
     let refuse = |what: String| Err(Failure::bad_input(what));
-    let kind = match options.out.extension().and_then(|ending| ending.to_str()) {
-        Some("svg") => Kind::Strip,
-        Some("pdf") if options.dark => {
-            return refuse("--dark: a strip as PDF is for paper and has light colours alone".into());
-        }
-        Some("pdf") => Kind::Page,
-        Some("gif") => Kind::Gif,
-        Some("mp4") => Kind::Mp4,
-        _ => {
-            return refuse(format!(
-                "--out {}: expected a name that ends in .svg or .pdf (a strip), .gif or .mp4 (a film)",
-                options.out.display()
-            ));
-        }
-    };
+    let known = [("svg", Kind::Strip), ("pdf", Kind::Page), ("gif", Kind::Gif), ("mp4", Kind::Mp4)];
+    let kind = by_ending("--out", &options.out, known)?;
+    if kind == Kind::Page && options.dark {
+        return refuse("--dark: a strip as PDF is for paper and has light colours alone".into());
+    }
     let is_strip = matches!(kind, Kind::Strip | Kind::Page);
     if options.beside.is_some() && !is_strip {
         return refuse("--beside: two strips below each other are drawn as .svg or .pdf".into());

@@ -113,9 +113,13 @@ fn chosen(options: &Options, threads: usize) -> Result<Vec<(Scene, Option<Stagin
             let [path] = options.paths.as_slice() else {
                 return Err(Failure::bad_input("a suite is exported alone: name no other scenes beside it"));
             };
-            let played = suite_scenes::played(path, &options.scene, threads)?;
+            let played = suite_scenes::played(path, &options.scene, options.of.recorded.as_deref(), threads)?;
             let of = |played: &Played| Ok((played.scene.clone(), Some(played.wanted(options.of.ego_log)?)));
             played.iter().map(of).collect::<Result<_, Failure>>()?
+        }
+        None if options.of.recorded.is_some() => {
+            let found = options.paths.first().map_or(Path::new(""), PathBuf::as_path);
+            return options.of.without_result(found).map(|()| Vec::new());
         }
         None => of_pool(options, threads)?.into_iter().map(|scene| (scene, None)).collect(),
     })

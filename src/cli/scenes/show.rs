@@ -9,7 +9,7 @@ use crate::cli::look::rollout::{self, OfAttempt, Played};
 use crate::cli::look::{driven, playables};
 use crate::cli::scenes::files::{self, row};
 use crate::cli::studies::{suite_file, suite_scenes};
-use crate::cli::terminal::output::Output;
+use crate::cli::terminal::output::{Output, by_ending};
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{Drawing, Frame, SvgOptions, Theme, player_html, svg};
 use crate::evidence::nearest::{Nearest, nearest};
@@ -42,6 +42,9 @@ pub struct Options {
 }
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    for (option, path, ending) in [("--svg", &options.svg, "svg"), ("--html", &options.html, "html")] {
+        path.iter().try_for_each(|path| by_ending(option, path, [(ending, ())]))?;
+    }
     let id = options.scene.as_ref().or(options.of_scene.as_ref());
     match meant(options.path.as_ref(), id, (&options.of, options.episode.as_deref()), jobs)? {
         Meant::Played(rollout) => played(options, &rollout),
@@ -77,9 +80,11 @@ fn meant(
                 }
             }
         }
-        (None, Some(path)) if suite_file::is_suite(path) && id.is_none_or(|id| is_case(path, id)) => {
+        (None, Some(path))
+            if suite_file::is_suite(path) && (of.recorded.is_some() || id.is_none_or(|id| is_case(path, id))) =>
+        {
             let named: Vec<String> = id.cloned().into_iter().collect();
-            let mut cases = suite_scenes::played(path, &named, jobs)?;
+            let mut cases = suite_scenes::played(path, &named, of.recorded.as_deref(), jobs)?;
             match (cases.pop(), cases.is_empty()) {
                 (Some(one), true) => Ok(Meant::Played(Box::new(one))),
                 _ => Err(Failure::bad_input(format!(
@@ -89,6 +94,7 @@ fn meant(
             }
         }
         (None, Some(path)) => {
+            of.without_result(path)?;
             let pool = files::read(std::slice::from_ref(path), jobs)?;
             let scene = match (id, pool.scenes.as_slice()) {
                 (Some(id), _) => files::named(&pool, path, id)?,

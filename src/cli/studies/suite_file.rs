@@ -142,6 +142,15 @@ pub fn of_suite(path: &Path, result: &SuiteResult, frozen: &Frozen) -> Result<()
     Ok(())
 }
 
+/// Reads a result of this suite.
+///
+/// # Errors
+/// A file that is no result, or one of another suite.
+pub fn read_result_of(path: &Path, frozen: &Frozen) -> Result<SuiteResult, Failure> {
+    let result = read_result(path)?;
+    of_suite(path, &result, frozen).map(|()| result)
+}
+
 /// Refuses a result that does not hold every case of its suite that it was asked for, as the suite has it.
 pub fn is_whole(path: &Path, result: &SuiteResult, frozen: &Frozen) -> Result<(), Failure> {
     of_suite(path, result, frozen)?;

@@ -15,7 +15,7 @@ const SHOWN_MAX: usize = 40;
 /// How tables of suites look.
 pub const STYLE: &str = "<style>.wide { overflow-x: auto } table.suite { border-collapse: collapse; font-size: 14px; margin: 0 0 1rem } \
                      table.suite th, table.suite td { text-align: left; padding: 3px 9px; border-bottom: 1px solid #8886; \
-                     white-space: nowrap } .broken { color: #c0392b; font-weight: 600 }</style>\n";
+                     overflow-wrap: normal } table.suite th { white-space: nowrap } .broken { color: #c0392b; font-weight: 600 }</style>\n";
 
 /// The page of a result.
 pub fn page(
@@ -61,8 +61,13 @@ fn above(result: &SuiteResult, totals: &[Total], rules: &[Judged]) -> String {
 
 /// A table of texts.
 pub fn table(heads: &[String], rows: &[Vec<String>]) -> String {
+    // An estimate may be broken before its interval, and not in it.
+    let kept = |cell: &String| match cell.contains(" [") {
+        true => escaped(cell).replace(", ", ",&#160;"),
+        false => escaped(cell),
+    };
     let line = |cells: &[String], tag: &str| -> String {
-        let cells = cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell))).collect::<String>();
+        let cells = cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", kept(cell))).collect::<String>();
         format!("<tr>{cells}</tr>\n")
     };
     let rows: String = rows.iter().map(|row| line(row, "td")).collect();

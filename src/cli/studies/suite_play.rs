@@ -5,6 +5,7 @@ use serde_json::json;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use crate::cli::scenes::draw::film_of;
 use crate::cli::scenes::files;
 use crate::cli::studies::suite_drive::{Recorded, Running, wheel_of};
 use crate::cli::studies::suite_driver::TestDriver;
@@ -12,7 +13,7 @@ use crate::cli::studies::suite_file;
 use crate::cli::studies::suite_run::{fresh, planner_of};
 use crate::cli::studies::suite_stage::Stage;
 use crate::cli::terminal::interrupt::Interrupt;
-use crate::cli::terminal::output::Output;
+use crate::cli::terminal::output::{Output, by_ending};
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{Drawing, beside_html};
 use crate::suite::{Case, Drive};
@@ -30,14 +31,28 @@ pub struct Options {
     /// A planner's result whose recorded answers drive; may be repeated.
     #[arg(long, value_name = "RESULT")]
     pub recorded: Vec<PathBuf>,
-    /// Page to write.
+    /// File to write: a page that plays them side by side (.html); of one driver a film (.gif; .mp4 where ffmpeg is installed).
     #[arg(long)]
     pub out: PathBuf,
     #[command(flatten)]
     pub output: Output,
 }
 
+/// What a file holds, as its name's ending says.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Page,
+    Gif,
+    Mp4,
+}
+
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let kind = by_ending("--out", &options.out, [("html", Kind::Page), ("gif", Kind::Gif), ("mp4", Kind::Mp4)])?;
+    let drivers = options.driver.len() + options.recorded.len();
+    if kind != Kind::Page && drivers != 1 {
+        let what = format!("expected one driver for a film, found {drivers}; a .html plays several side by side");
+        return Err(Failure::bad_input(format!("--out {}: {what}", options.out.display())));
+    }
     let frozen = suite_file::read_to_drive(&options.suite)?;
     let selection =
         crate::cli::studies::suite_run::Selection { case: vec![options.case.clone()], ..Default::default() };
@@ -66,8 +81,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         }
     }
     for path in &options.recorded {
-        let result = suite_file::read_result(path)?;
-        suite_file::of_suite(path, &result, &frozen)?;
+        let result = suite_file::read_result_of(path, &frozen)?;
         let Some((planner, answers)) = planner_of(path, &frozen.suite)? else {
             let what = "no recorded answers beside it; a driver that needs none is named with --driver";
             return Err(Failure::miss(format!("{}: {what}", path.display())));
@@ -77,6 +91,9 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     }
     if drawings.is_empty() {
         return Err(Failure::bad_input("name who drives with --driver or --recorded"));
+    }
+    if let (true, Some((line, drawing))) = (kind != Kind::Page, drawings.first()) {
+        return film_of((&options.out, options.output, kind == Kind::Gif), drawing, line.clone(), jobs);
     }
     options.output.write(&options.out, beside_html(&drawings, &case.id).as_bytes())?;
     let mut text: String = drawings.iter().map(|(line, _)| format!("{line}\n")).collect();

@@ -1,24 +1,54 @@
-//! The cases of a suite as rollouts of the driver that they were planned around: what `scenes show`, `draw` and `export` take.
+//! The cases of a suite as rollouts of the driver that they were planned around, or of one whose result is named: what `scenes show`,
+//! `draw` and `export` take.
 
 use std::path::Path;
 
+use crate::backend::NoOutcome;
 use crate::cli::look::rollout::Played;
 use crate::cli::scenes::files;
-use crate::cli::studies::suite_drive::wheel_of;
+use crate::cli::studies::suite_drive::{Recorded, wheel_of};
 use crate::cli::studies::suite_driver::TestDriver;
 use crate::cli::studies::suite_file;
-use crate::cli::studies::suite_run::Selection;
-use crate::cli::studies::suite_stage::{Stage, as_frozen};
+use crate::cli::studies::suite_run::{Selection, planner_of};
+use crate::cli::studies::suite_stage::{Stage, Wheel, as_frozen};
 use crate::cli::terminal::exit::Failure;
 
-/// The cases with these ids, or all, played as they were frozen.
-pub fn played(path: &Path, ids: &[String], jobs: usize) -> Result<Vec<Played>, Failure> {
+/// The cases with these ids, or all, played as they were frozen, or as this result's driver drove them.
+pub fn played(path: &Path, ids: &[String], recorded: Option<&Path>, jobs: usize) -> Result<Vec<Played>, Failure> {
     let frozen = suite_file::read_to_drive(path)?;
     let selection = Selection { case: ids.to_vec(), ..Selection::default() };
     let (cases, threads) = (selection.of(&frozen.suite)?, files::threads(jobs)?);
-    let around = &frozen.suite.planned_around;
-    let driver = TestDriver::named(&around.name).ok().filter(|driver| driver.mark() == *around);
-    let Some(driver @ TestDriver::Policy(..)) = driver else {
+    let stage = Stage::new(&frozen.suite, &threads);
+    let play = |wheel: &Wheel<'_>, name: &str| {
+        let played = threads.map(&cases, |_, case| {
+            let failed = |error: NoOutcome| Failure::bad_input(format!("{}: {}", case.id, error.reason()));
+            let played = stage.played(case, wheel, name).map_err(failed)?;
+            let frozen = recorded.is_none().then(|| as_frozen(case, &played.outcome)).transpose();
+            frozen.map(|_| played)
+        });
+        played.into_iter().collect()
+    };
+    let around = match recorded {
+        None => frozen.suite.planned_around.clone(),
+        Some(path) => {
+            let result = suite_file::read_result_of(path, &frozen)?;
+            if let Some((planner, answers)) = planner_of(path, &frozen.suite)? {
+                let answers = Recorded::new(&stage, planner, answers)?;
+                return play(&answers.wheel(), &result.driver.name);
+            }
+            result.driver
+        }
+    };
+    let driver = TestDriver::named(&around.name).ok().filter(|driver| driver.mark() == around);
+    if let (Some(result), None) = (recorded, &driver) {
+        return Err(Failure::miss(format!(
+            "{}: no recorded answers of {} beside it; write them with `evodrive suite run {} --driver PLANNER --out RESULT`",
+            result.display(),
+            around.name,
+            path.display()
+        )));
+    }
+    let Some(driver) = driver.filter(|driver| recorded.is_some() || matches!(driver, TestDriver::Policy(..))) else {
         return Err(Failure::bad_input(format!(
             "{}: it was planned around {}, which is not in the file; name who drives: `evodrive suite play {} --case .. --driver ..`",
             path.display(),
@@ -26,12 +56,5 @@ pub fn played(path: &Path, ids: &[String], jobs: usize) -> Result<Vec<Played>, F
             path.display()
         )));
     };
-    let stage = Stage::new(&frozen.suite, &threads);
-    let wheel = wheel_of(&stage, &driver);
-    let played = threads.map(&cases, |_, case| {
-        let failed = |error: crate::backend::NoOutcome| Failure::bad_input(format!("{}: {}", case.id, error.reason()));
-        let played = stage.played(case, &wheel, &around.name).map_err(failed)?;
-        as_frozen(case, &played.outcome).map(|()| played)
-    });
-    played.into_iter().collect()
+    play(&wheel_of(&stage, &driver), &around.name)
 }

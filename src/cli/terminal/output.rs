@@ -37,6 +37,19 @@ const MARKS: [&str; 2] = ["run.json", "transcript.jsonl"];
 /// A store is one by this file, wherever it lies.
 const STORE: [&str; 3] = ["objects.pack", "index.sqlite", "lock"];
 
+/// What a file is to hold, by the ending of its name.
+///
+/// # Errors
+/// A name with another ending, or none: what would be written under it is not what it says.
+pub fn by_ending<T: Copy, const N: usize>(option: &str, path: &Path, known: [(&str, T); N]) -> Result<T, Failure> {
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+    let found = known.iter().find(|(of, _)| ending.eq_ignore_ascii_case(of));
+    found.map(|(_, kind)| *kind).ok_or_else(|| {
+        let endings = known.map(|(of, _)| format!(".{of}")).join(" or ");
+        Failure::bad_input(format!("{option} {}: expected a name that ends in {endings}", path.display()))
+    })
+}
+
 /// Whether files that are there already may be replaced.
 #[derive(Clone, Copy, Debug, Args)]
 pub struct Output {
@@ -111,6 +124,16 @@ fn is_own(path: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_name_says_what_its_file_holds_or_is_refused() {
+        let of = |name: &str| by_ending("--out", Path::new(name), [("html", 1), ("gif", 2)]);
+        assert_eq!([of("a/play.gif").unwrap(), of("play.HTML").unwrap()], [2, 1]);
+        for name in ["play.png", "play", "gif", "play.gif.txt"] {
+            let refused = of(name).unwrap_err().message;
+            assert_eq!(refused, format!("--out {name}: expected a name that ends in .html or .gif"));
+        }
+    }
 
     const KEEP: Output = Output { overwrite: false };
     const REPLACE: Output = Output { overwrite: true };

@@ -11,6 +11,7 @@ use crate::evidence::aligned::Aligned;
 use crate::evidence::choice::Choice;
 use crate::evidence::lineage_text::shortened;
 use crate::evidence::realism::{LineageRealisms, realism_text};
+use crate::evidence::tables::LineagePreventable;
 use crate::experiment::Experiment;
 use crate::kernel::{Digest, num};
 use crate::objects::event::{LineageResult, Measured, RunResult};
@@ -71,6 +72,8 @@ pub struct Summary<'a> {
     pub choices: &'a [Choice],
     /// Of the lineages whose held-out labels are recorded.
     pub realisms: &'a [LineageRealisms],
+    /// The other count, of the same lineages.
+    pub preventable: &'a [LineagePreventable],
     /// A sentence for every lineage with scenes that have no label.
     pub unlabelled: &'a [String],
 }
@@ -80,7 +83,7 @@ pub struct Summary<'a> {
 pub fn summary(
     experiment: &Experiment,
     folder: &RunFolder,
-    Summary { result, from, choices, realisms, unlabelled }: Summary<'_>,
+    Summary { result, from, choices, realisms, preventable, unlabelled }: Summary<'_>,
     root: Digest,
     width: usize,
 ) -> String {
@@ -107,15 +110,21 @@ pub fn summary(
     let of_suite = result.replay.iter().filter(|replay| replay.suite == Suite::HeldOut);
     let replayed = of_suite.map(|replay| replay_row(replay, &ego(&replay.ego)));
     let of = |lineage: &LineageResult| realisms.iter().find(|of| of.lineage == lineage.lineage.as_str());
-    let evolved = result.lineages.iter().flat_map(|lineage| rows(lineage, of(lineage)));
-    let rows = replayed.chain(evolved).map(Vec::from).collect();
-    let heads = ["lineage", "program", "attack", "any crash", "realism", strict, "coverage"];
-    let heads = heads.map(String::from).to_vec();
+    let other = |lineage: &LineageResult| preventable.iter().find(|of| of.lineage == lineage.lineage.as_str());
+    let evolved = result.lineages.iter().flat_map(|lineage| rows(lineage, of(lineage), other(lineage)));
+    let mut rows: Vec<Vec<String>> = replayed.chain(evolved).map(Vec::from).collect();
+    let heads = ["lineage", "program", "attack", PREVENTABLE, "any crash", "realism", strict, "coverage"];
+    let mut heads = heads.map(String::from).to_vec();
+    let safebench = experiment.evaluation.safebench().is_some();
+    if safebench {
+        heads.remove(PREVENTABLE_AT);
+        rows.iter_mut().for_each(|row| drop(row.remove(PREVENTABLE_AT)));
+    }
     out.push_str(&Aligned { indent: 0, labels: 2, words: 0, heads, rows }.text(width));
     if let Some(words) = result.replay.iter().find(|replay| replay.suite == Suite::HeldOut).map(replay_words) {
         let _ = writeln!(out, "\n{words}");
     }
-    let _ = writeln!(out, "\n{}", column_words(experiment.evaluation.safebench().is_some()));
+    let _ = writeln!(out, "\n{}", column_words(safebench));
     if !result.lineages.is_empty() {
         let _ = writeln!(out, "\n{}", area_words(&result.lineages));
         if experiment.evaluation.safebench().is_some() {
@@ -171,13 +180,18 @@ pub fn summary(
 }
 
 /// A line of the table of lineages: lineage, program, and the numbers.
-type Row = [String; 7];
+type Row = [String; 8];
+
+/// The head of the count that asks what the ego could have prevented, and its place.
+const PREVENTABLE: &str = "preventable";
+const PREVENTABLE_AT: usize = 3;
 
 /// The recorded scenes without a program.
 fn replay_row(replay: &ReplayRow, ego: &str) -> Row {
     [
         format!("replay, {ego}"),
         "-".to_string(),
+        "0.000".to_string(),
         "0.000".to_string(),
         num::fixed(replay.contact_rate, 3),
         four_digits(replay.realism),
@@ -202,12 +216,19 @@ fn replay_words(replay: &ReplayRow) -> String {
 
 /// What the columns mean whose heads do not say it.
 fn column_words(safebench: bool) -> String {
+    let preventable = match safebench {
+        true => "",
+        false => {
+            "preventable: share of scenes with a contact that the program brings about and that a careful ego could have prevented by braking or \
+             swerving; a ram from behind is none, whatever counts as attack; "
+        }
+    };
     let strict = match safebench {
         true => "ARS: SafeBench's adversarial realism score, which the search uses",
         false => "strict realism: the smaller one of that and the mean over its successes, which the search uses",
     };
     format!(
-        "realism: mean over the scenes that a program acts in; {strict}; coverage: share of the scenes that it acts in; \
+        "{preventable}realism: mean over the scenes that a program acts in; {strict}; coverage: share of the scenes that it acts in; \
          ->: the program that was chosen, which the run reports."
     )
 }
@@ -240,14 +261,20 @@ fn four_digits(rate: Option<f64>) -> String {
 }
 
 /// The lineage's parent, and under it the program that was chosen.
-fn rows(lineage: &LineageResult, realisms: Option<&LineageRealisms>) -> [Row; 2] {
+fn rows(
+    lineage: &LineageResult,
+    realisms: Option<&LineageRealisms>,
+    preventable: Option<&LineagePreventable>,
+) -> [Row; 2] {
     let acted = realisms.map(|of| [&of.parent, &of.evolved].map(|program| program.realisms.realism_acted));
     let [acted_parent, acted_evolved] = acted.map_or([None, None], |acted| acted);
-    let row = |name: &str, program: String, (of, acted): (&Measured, Option<f64>)| {
+    let share = |of: Option<f64>| of.map_or("-".to_string(), |share| num::fixed(share, 3));
+    let row = |name: &str, program: String, (of, acted, preventable): (&Measured, Option<f64>, Option<f64>)| {
         [
             name.to_string(),
             program,
             num::fixed(of.objectives.attack, 3),
+            share(preventable),
             num::fixed(of.any_contact, 3),
             four_digits(acted),
             realism_text(of.objectives.realism, of.coverage),
@@ -256,8 +283,12 @@ fn rows(lineage: &LineageResult, realisms: Option<&LineageRealisms>) -> [Row; 2]
     };
     let chosen = lineage.evolved.solution.as_str().rsplit('/').next().unwrap_or_default();
     [
-        row(lineage.lineage.as_str(), "parent".into(), (&lineage.parent, acted_parent)),
-        row("", format!("-> {chosen}"), (&lineage.evolved, acted_evolved)),
+        row(
+            lineage.lineage.as_str(),
+            "parent".into(),
+            (&lineage.parent, acted_parent, preventable.map(|of| of.parent)),
+        ),
+        row("", format!("-> {chosen}"), (&lineage.evolved, acted_evolved, preventable.map(|of| of.evolved))),
     ]
 }
 

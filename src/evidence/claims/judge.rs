@@ -7,7 +7,7 @@ use super::file::{Claim, Claims, ClaimsError, Direction};
 use super::measure;
 use crate::evidence::downstream;
 use crate::evidence::recorded_run::RecordedRun;
-use crate::evidence::tables::{self, proposers, Estimate, RESAMPLES, Row, Table, TableError};
+use crate::evidence::tables::{self, Estimate, RESAMPLES, Row, Table, TableError, proposers};
 use crate::kernel::{Threads, num};
 use crate::objects::downstream::Downstream;
 
@@ -173,8 +173,7 @@ pub fn judge(
     judged.sort_by_key(|claim| claim.verdict);
     let named =
         |recorded: &&RecordedRun| claims.runs.values().any(|named| named.experiments().contains(&recorded.opened.name));
-    let source =
-        |recorded: &RecordedRun| (recorded.opened.name.clone(), recorded.root.to_hex(), proposers(recorded));
+    let source = |recorded: &RecordedRun| (recorded.opened.name.clone(), recorded.root.to_hex(), proposers(recorded));
     let study = |record: &Downstream| {
         let opening = &record.opening;
         (opening.name.clone(), opening.recipe.to_hex(), opening.proposals.clone())

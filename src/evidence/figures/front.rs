@@ -47,8 +47,8 @@ struct Panel {
     all: Vec<Placed>,
 }
 
-/// A panel a generator; of all, or of the lineages that are named.
-pub fn front(runs: &[RecordedRun], named: &[LineageId]) -> Result<Figure, FigureError> {
+/// The runs with the results of the named lineages alone; as they are where none is named.
+pub(super) fn of_lineages(runs: &[RecordedRun], named: &[LineageId]) -> Result<Vec<RecordedRun>, FigureError> {
     let known: Vec<String> = runs.iter().flat_map(|run| &run.parents).map(|of| of.lineage.to_string()).collect();
     if let Some(wanted) = named.iter().find(|wanted| !known.contains(&wanted.to_string())) {
         return Err(FigureError::NoLineage { wanted: wanted.clone(), known });
@@ -59,7 +59,12 @@ pub fn front(runs: &[RecordedRun], named: &[LineageId]) -> Result<Figure, Figure
             result.lineages.retain(|of| named.contains(&of.lineage));
         }
     }
-    let all = placed(&own)?;
+    Ok(own)
+}
+
+/// A panel a generator; of all, or of the lineages that are named.
+pub fn front(runs: &[RecordedRun], named: &[LineageId]) -> Result<Figure, FigureError> {
+    let all = placed(&of_lineages(runs, named)?)?;
     let several = all.iter().any(|of| of.policy != all[0].policy);
     let mut panels: Vec<Panel> = Vec::new();
     for of in all {

@@ -1,9 +1,10 @@
 //! The same labels under several readings of attack: that of the search, what published work counts, and what a careful ego could have
 //! prevented. Every label holds the contact's class and whether it was avoidable, so no reading needs a rollout.
 
+use serde::Serialize;
 use std::collections::BTreeSet;
 
-use super::bootstrap::Search;
+use super::bootstrap::{self, Search};
 use super::error::TableError;
 use super::key::{RowKey, Side};
 use super::labels::{self, LineageLabels, Reading, ReplayLabels};
@@ -14,7 +15,8 @@ use super::paper::{self, metadrive as printed};
 use super::searches::searches;
 use crate::evaluation::ContactClass;
 use crate::evidence::recorded_run::RecordedRun;
-use crate::objects::{Met, SceneScore};
+use crate::objects::event::LineageResult;
+use crate::objects::{Met, SceneScore, SolutionId};
 
 const fn rate(key: &'static str, group: &'static str, head: &'static str, upward: Option<bool>) -> Column {
     Column { key, group, head, upward, form: Form::Rate }
@@ -54,6 +56,77 @@ const STANDING: Reading = |scene| {
 };
 /// Of these what a careful ego could have avoided, of every class alike but rams from behind.
 const COULD_BE_PREVENTED: Reading = |scene| Some(labels::share(brought_about(scene).is_some_and(could_be_prevented)));
+
+/// What a lineage's parent and its reported program come to on the held-out scenes where only preventable contacts count, as shares of scenes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LineagePreventable {
+    pub lineage: String,
+    pub parent: f64,
+    pub evolved: f64,
+}
+
+impl LineagePreventable {
+    /// `None` where the record lacks the labels of one of the two, and under SafeBench's protocol, which has a measure of its own.
+    pub fn of(run: &RecordedRun, result: &LineageResult) -> Option<LineagePreventable> {
+        let share = |solution: &SolutionId| {
+            let score = run.held_out_score(&result.lineage, solution)?;
+            let counted = score.scenes.iter().filter_map(COULD_BE_PREVENTED).sum::<f64>();
+            (score.benchmark.is_none() && !score.scenes.is_empty()).then(|| counted / score.scenes.len() as f64)
+        };
+        let (parent, evolved) = (share(&result.parent.solution)?, share(&result.evolved.solution)?);
+        Some(LineagePreventable { lineage: result.lineage.to_string(), parent, evolved })
+    }
+}
+
+/// The contacts that one program of a search brings about, as shares of held-out scenes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contacts {
+    /// Of any class.
+    pub all: f64,
+    /// Of each class, in the order of [`ContactClass::ALL`].
+    pub by_class: Vec<(ContactClass, f64)>,
+    /// What a careful ego could have prevented of them.
+    pub preventable: f64,
+}
+
+/// The contacts of a search's parent and of its reported program, its repetitions together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SearchedContacts {
+    pub method: String,
+    pub policy: String,
+    pub parent: Contacts,
+    pub evolved: Contacts,
+}
+
+/// The contacts of every search of these runs, in their order.
+///
+/// # Errors
+/// An unfinished run, one of the other protocol.
+pub fn searched_contacts(runs: &[RecordedRun]) -> Result<Vec<SearchedContacts>, TableError> {
+    let all = labels::lineages(runs)?;
+    let of_side = |of: &[&LineageLabels], side: Side| {
+        let share = |read: &dyn Fn(&SceneScore) -> Option<f64>| {
+            let estimates = bootstrap::estimates(&[quantity(of, |l| l.read(side, read))]);
+            estimates.into_iter().flatten().next().map_or(0.0, |share| share.value)
+        };
+        let of_class = |class: ContactClass| {
+            let of = move |scene: &SceneScore| brought_about(scene).is_some_and(|met| met.class == class.name());
+            (class, share(&move |scene| Some(labels::share(of(scene)))))
+        };
+        Contacts {
+            all: share(&BROUGHT_ABOUT),
+            by_class: ContactClass::ALL.into_iter().map(of_class).collect(),
+            preventable: share(&COULD_BE_PREVENTED),
+        }
+    };
+    let searched = |of: &Vec<&LineageLabels>| SearchedContacts {
+        method: of[0].label.clone(),
+        policy: of[0].policy.clone(),
+        parent: of_side(of, Side::Parent),
+        evolved: of_side(of, Side::Evolved),
+    };
+    Ok(searches(all.iter()).iter().map(searched).collect())
+}
 
 /// Columns with the side and the reading that each is a mean of.
 const READ: [(Column, Side, Reading); 11] = [

@@ -36,10 +36,19 @@ fn the_example_is_read_and_without_a_recording_says_how_to_make_one() {
 #[test]
 fn recording_a_real_model_without_the_feature_names_it_and_the_command_that_builds_it() {
     let dir = tempfile::tempdir().unwrap();
-    let ran = with(dir.path(), "record", &example(), "none.jsonl");
-    assert_eq!(ran.code, 2, "{}", ran.stderr);
-    for word in ["models.local.kind is \"openai_compatible\"", "cargo build --release --features live"] {
-        assert!(ran.stderr.contains(word), "{word:?} is not in {}", ran.stderr);
+    // Before it is asked for what such a model needs, too.
+    let capped = "[spend]\nusd_max = 2.0\ntokens_max = 3_000_000\n";
+    for text in [example(), example().replacen(capped, "", 1)] {
+        let ran = with(dir.path(), "record", &text, "none.jsonl");
+        assert_eq!(ran.code, 2, "{}", ran.stderr);
+        let said = [
+            "models.local.kind is \"openai_compatible\"",
+            "cargo build --release --features live",
+            "examples/chat/chat.py",
+        ];
+        for word in said {
+            assert!(ran.stderr.contains(word), "{word:?} is not in {}", ran.stderr);
+        }
     }
 }
 

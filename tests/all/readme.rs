@@ -194,8 +194,9 @@ fn the_finding_replays_the_recorded_study() {
         [("adv_bmt-idm", "adv_bmt", "| ADV-BMT | IDM |"), ("cat-idm", "cat", "| CAT | IDM |")]
     {
         let line = study.lines().find(|line| line.starts_with(method)).unwrap();
-        let cell =
-            |column: usize| line.split('|').nth(column).unwrap().split_whitespace().next().unwrap().parse().unwrap();
+        let cell = |column: usize| {
+            line.split('|').nth(column).unwrap().split_whitespace().next().unwrap().parse::<f64>().unwrap()
+        };
         let [parent, evolved] = sides(FINDING, lineage);
         assert_eq!([parent[0], evolved[0]], [cell(3), cell(8)], "{lineage}");
         for exchange in whole(&format!("llm/metadrive/{family}")).exchanges() {

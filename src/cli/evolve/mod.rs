@@ -1,5 +1,6 @@
 //! Commands that make a run: from the first experiment file to the recording.
 
+pub mod announce;
 pub mod ask;
 pub mod behind;
 pub mod cost;

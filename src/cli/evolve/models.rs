@@ -18,6 +18,9 @@ use crate::store;
 /// How often the folder of an exchange is looked at.
 const LOOK: Duration = Duration::from_millis(500);
 
+/// Bytes of an experiment file in which a model that needs another build is looked for.
+const EXPERIMENT_BYTES_MAX: u64 = 1 << 20;
+
 /// The models that roles name, ready to be asked. A fresh recording has a name, and folders of its own.
 pub fn askable(
     experiment: &Experiment,
@@ -96,12 +99,31 @@ pub fn check_build(experiment: &Experiment) -> Result<(), Failure> {
     let live =
         experiment.models.iter().find(|(name, options)| client::is_live(&options.kind) && used.contains(name.as_str()));
     match live {
-        Some((name, options)) if !cfg!(feature = "live") => Err(Failure::bad_input(format!(
-            "models.{name}.kind is \"{}\", but this build has no network code: it can replay that model's answers, but not ask for new ones; \
-             to ask, build with `cargo build --release --features live` and repeat the command",
-            options.kind
+        Some((name, options)) => has_network(name, &options.kind),
+        None => Ok(()),
+    }
+}
+
+/// The same of a file that cannot be read as an experiment, for instance because such a model lacks its address: whoever cannot ask it at
+/// all should not look that up first. Only what the file itself says is seen.
+pub fn check_build_of(file: &Path) -> Result<(), Failure> {
+    let text = store::read_bounded(file, EXPERIMENT_BYTES_MAX).unwrap_or_default();
+    let Ok(Ok(content)) = String::from_utf8(text).map(|text| text.parse::<toml::Table>()) else { return Ok(()) };
+    let table = |key: &str| content.get(key).and_then(toml::Value::as_table);
+    let (Some(models), Some(roles)) = (table("models"), table("roles")) else { return Ok(()) };
+    let kind = |name: &str| models.get(name)?.get("kind")?.as_str();
+    let live = roles.values().filter_map(toml::Value::as_str).find(|name| kind(name).is_some_and(client::is_live));
+    live.map_or(Ok(()), |name| has_network(name, kind(name).unwrap_or_default()))
+}
+
+fn has_network(name: &str, kind: &str) -> Result<(), Failure> {
+    match cfg!(feature = "live") {
+        true => Ok(()),
+        false => Err(Failure::bad_input(format!(
+            "models.{name}.kind is \"{kind}\", but this build has no network code: it can replay that model's answers, but not ask for new ones; \
+             to ask, build with `cargo build --release --features live` and repeat the command, or let a program ask: kind = \"command\" \
+             with examples/chat/chat.py (docs/MODELS.md#a-program-command)"
         ))),
-        _ => Ok(()),
     }
 }
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::backend::{Answers, BackendOptions, DriverOptions, Planners, Recorder, Replay as RecordedRollouts, Workers};
 use crate::cli::cluster::worker_process::Processes;
 use crate::cli::evolve::job_args::{JobArgs, RecordArgs, ResumeArgs, RunArgs};
-use crate::cli::evolve::{behind, cost, held::Held, models, other_pool, overwriting};
+use crate::cli::evolve::{announce, behind, cost, held::Held, models, other_pool, overwriting};
 use crate::cli::look::page;
 use crate::cli::records::covered::{RESULT_BYTES_MAX, generated, of_result};
 use crate::cli::records::folder::{Recording, RunFolder, open_store};
@@ -46,6 +46,7 @@ pub fn run(args: &RunArgs, jobs: usize) -> Result<Answer, Failure> {
     other_pool::check(&cassette, &job.scenes)
         .map_err(|error| Failure { message: format!("{}\n  to record it: {remedy}", error.message), ..error })?;
     let rollouts = behind::replay(&job.experiment, &remedy)?;
+    job.announce()?;
     let interrupt = Interrupt::listen()?;
     let held = job.open_folder(None)?;
     let ran = replayed(
@@ -150,7 +151,12 @@ struct Sources<'a> {
 
 /// Asks the models for what the cassette lacks, and writes it.
 pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
-    models::check_build(&Experiment::read_under(&args.run.job.experiment, &args.run.job.set)?)?;
+    let read = Experiment::read_under(&args.run.job.experiment, &args.run.job.set);
+    // Before whatever else such a model needs.
+    if read.is_err() {
+        models::check_build_of(&args.run.job.experiment)?;
+    }
+    models::check_build(&read?)?;
     let job = Job::new(&args.run.job, jobs)?;
     let path = job.cassette(&args.run.job);
     // The working directory may be another one when an interrupted recording goes on.
@@ -164,6 +170,7 @@ pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
     if let (Some(options), Some(path)) = (&job.experiment.simulator.backend, &recording.rollouts) {
         behind::recorded(options, path, args.fresh)?;
     }
+    job.announce()?;
     let interrupt = Interrupt::listen()?;
     let held = job.open_folder(Some(&recording))?;
     let recorded = carry_out_recording(
@@ -427,6 +434,14 @@ impl Job {
         let experiment = folder.read_experiment()?;
         let scenes = folder.read_pool()?;
         Ok(Job { experiment, scenes, threads, out: folder.dir.clone() })
+    }
+
+    /// Says what is to come where nothing of it is there yet.
+    fn announce(&self) -> Result<(), Failure> {
+        match self.folder()?.dir.exists() {
+            true => Ok(()),
+            false => announce::announce(&self.experiment, self.scenes.scenes.len(), &self.threads),
+        }
     }
 
     /// Locks the run folder and makes it self-contained before anything is computed. What stands there already stays.

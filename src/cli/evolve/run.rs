@@ -9,7 +9,7 @@ use crate::cli::evolve::job_args::{JobArgs, RecordArgs, ResumeArgs, RunArgs};
 use crate::cli::evolve::{announce, behind, cost, held::Held, models, other_pool, overwriting};
 use crate::cli::look::page;
 use crate::cli::records::covered::{RESULT_BYTES_MAX, generated, of_result};
-use crate::cli::records::folder::{Recording, RunFolder, open_store};
+use crate::cli::records::folder::{Recording, RunFolder, open_store, open_store_to_look};
 use crate::cli::records::run_name::OneRun;
 use crate::cli::scenes::left_out;
 use crate::cli::terminal::answer::{Answer, progress};
@@ -365,7 +365,7 @@ fn again(folder: RunFolder, jobs: usize, way: Way) -> Result<Answer, Failure> {
     }
     let job = Job::of_folder(&folder, jobs)?;
     let (folder, objects) = match way.compares() {
-        true => (folder.clone(), Store::open_to_look(&folder.store())?),
+        true => (folder.clone(), open_store_to_look(&folder.store())?),
         false => {
             let Held { folder, objects, .. } = Held::of(folder)?;
             (folder, objects)

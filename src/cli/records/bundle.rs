@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use crate::adapters::ADAPTER_VERSION;
 use crate::bundle::{self, About, BundleError, Manifest, Part, Signer, Source, Version};
-use crate::cli::records::folder::{RunFolder, open_store, open_store_to_look};
+use crate::cli::records::folder::{RunFolder, open_store_to_look};
 use crate::cli::records::{bundle_replay, covered::coverage, run_name::OneRun};
 use crate::cli::terminal::answer::Answer;
 use crate::cli::terminal::exit::{Exit, Failure};

@@ -1,6 +1,7 @@
 //! What a scenario is: road, tracks, lights, ego and route, where they come from and how they are pooled.
 
 pub mod binary;
+pub mod consistency;
 pub mod features;
 #[cfg(any(test, feature = "fixtures"))]
 pub mod fixture;

@@ -4,7 +4,7 @@ use serde_json::json;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use crate::cli::scenes::{left_out, recorded_crash};
+use crate::cli::scenes::{contradictions, left_out, recorded_crash};
 use crate::cli::studies::suite_file;
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure, width::stdout_width};
@@ -51,6 +51,10 @@ pub fn written(pool: &Pool, out: &Path, output: Output, threads: &Threads) -> Re
     for line in left_out::lines(pool) {
         let _ = writeln!(text, "{line}");
     }
+    let checks = contradictions::of_pool(&pool.scenes, threads);
+    for line in contradictions::lines(&checks) {
+        let _ = writeln!(text, "{line}");
+    }
     let crashes = recorded_crash::of_pool(&pool.scenes, threads);
     for line in recorded_crash::lines(&crashes, pool.scenes.len(), &[out.to_path_buf()]) {
         let _ = writeln!(text, "{line}");
@@ -58,6 +62,7 @@ pub fn written(pool: &Pool, out: &Path, output: Output, threads: &Threads) -> Re
     let _ = writeln!(text, "{} in {}", counted(pool.scenes.len(), "scene"), out.display());
     let object = json!({
         "pool": out, "digest": pool.digest(), "scenes": rows, "left_out": pool.left_out, "recorded_crashes": crashes,
+        "consistency": checks,
     });
     Ok(Answer::new(text, object))
 }

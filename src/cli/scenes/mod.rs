@@ -3,6 +3,7 @@
 pub mod best;
 pub mod calibrate;
 pub mod command;
+pub mod contradictions;
 pub mod draw;
 pub mod export;
 pub mod files;

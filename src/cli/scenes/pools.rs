@@ -4,7 +4,7 @@ use clap::{ArgGroup, Args};
 use serde_json::json;
 use std::path::PathBuf;
 
-use crate::cli::scenes::{files, formula::SceneFormula, left_out, recorded_crash};
+use crate::cli::scenes::{contradictions, files, formula::SceneFormula, left_out, recorded_crash};
 use crate::cli::terminal::answer::Answer;
 use crate::cli::terminal::exit::{Exit, Failure};
 use crate::cli::terminal::output::Output;
@@ -104,13 +104,16 @@ pub fn check(options: &CheckOptions, jobs: usize) -> Result<Answer, Failure> {
     let mut lines = left_out::lines(&pool);
     lines.extend(left_out::listed("not used", unfit.iter().cloned()));
     let (all, good) = (pool.scenes.len(), pool.scenes.len() - unfit.len());
+    let checks = contradictions::of_pool(&pool.scenes, &threads);
+    lines.push(contradictions::table(&checks).trim_end().to_string());
+    lines.extend(contradictions::lines(&checks));
     let crashes = recorded_crash::of_pool(&pool.scenes, &threads);
     lines.extend(recorded_crash::lines(&crashes, all, &options.paths));
     lines.push(format!("{good} of {} can be used; digest of the pool {}", counted(all, "scene"), pool.digest()));
     let rows: Vec<_> = unfit.iter().map(|(id, reason)| json!({"scene": id, "reason": reason})).collect();
     let object = json!({
         "digest": pool.digest(), "scenes": all, "usable": good, "unusable": rows, "left_out": pool.left_out,
-        "recorded_crashes": crashes,
+        "recorded_crashes": crashes, "consistency": checks,
     });
     let exit = if unfit.is_empty() { Exit::Success } else { Exit::BadInput };
     Ok(Answer { exit, ..Answer::new(lines.join("\n"), object) })

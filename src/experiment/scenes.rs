@@ -156,7 +156,7 @@ fn import(paths: &[PathBuf], reading: Reading, threads: &Threads) -> Result<Pool
         beside
     });
     let read = threads.map(&files, |_, (name, path)| match bytes_of(path) {
-        Ok(bytes) => summary::read_file(name, &bytes, beside.as_ref(), reading.times),
+        Ok(bytes) => summary::read_file(name, &bytes, beside.as_ref(), reading.conventions),
         Err(error) => FileScenes::left_out(name, error.to_string()),
     });
     let summary = summary::summed(files.into_iter().map(|(name, _)| name).zip(read), reading.same_id);

@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::conventions;
 use super::derived::{self, Derived};
 use super::import_error::shown;
 use super::levels;
@@ -54,6 +55,9 @@ pub fn assembled(mut log: Log) -> Result<(Scene, Parts), String> {
     }
     let now_s = times.get(log.current).copied().ok_or("its current step lies beyond its end")?;
     let current_step = if on_grid { log.current } else { (now_s / DT_S).round() as usize };
+    if let Some(conventions) = log.conventions {
+        conventions::read(&mut log.tracks, log.ego, &times, conventions, &mut left_out);
+    }
     let derived: Vec<Derived> = log.tracks.iter_mut().map(|t| derived::fill(&mut t.samples, &times)).collect();
     note_derived(&derived, &mut left_out);
     let ego = log.tracks.get(log.ego).ok_or("its ego is not among its tracks")?;
@@ -61,6 +65,7 @@ pub fn assembled(mut log: Log) -> Result<(Scene, Parts), String> {
     let origin =
         log.frame.or(here.map(|sample| sample.position)).ok_or("the ego is not observed at the current step")?;
     let dropped: Vec<usize> = log.tracks.iter_mut().map(|track| drop_unsound(&mut track.samples, origin)).collect();
+    sizes::in_metres(&mut log.tracks, &mut left_out);
     let kinds = kinds(&log.tracks, &mut left_out);
     sizes::exchange(&mut log.tracks, &kinds, log.ego, &mut left_out);
     if log.tracks.iter().all(|track| track.heights_m.iter().all(|height| !height.is_finite())) {

@@ -1,8 +1,9 @@
 //! A scene as a log holds it, in the log's own coordinates and times: what all logged formats are read into.
 
 use super::centreline::Across;
+use super::conventions::Conventions;
 use crate::kernel::Vec2;
-use crate::scene::{AgentKind, DT_S, LaneKind, LightState, Origin, Sample};
+use crate::scene::{AgentKind, LaneKind, LightState, Origin, Sample};
 
 /// A sample time at most this far from the 0.1 s grid counts as lying on it, seconds.
 pub const ON_GRID_WITHIN_S: f64 = 0.02;
@@ -36,25 +37,25 @@ pub struct Log {
     pub stop_signs: Vec<(Vec2, Vec<String>)>,
     /// The traffic lights of its map.
     pub lights: Vec<LogLight>,
+    /// How headings and velocities are read; `None` takes them as they are, as in an export of ours.
+    pub conventions: Option<Conventions>,
 }
 
 /// How the times of a log's samples are taken.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum SampleTimes {
     /// As the log says; motion is resampled where they lie beside the grid of 0.1 s.
     #[default]
     Recorded,
-    /// One sample every 0.1 s, whatever the log says: as tools do that ignore its times, to compare with them.
-    Ignored,
+    /// One sample every so many seconds, whatever the log says.
+    Every(f64),
 }
 
 impl Log {
     /// The log with its times taken so, and whether they are other times now.
     pub fn timed(mut self, times: SampleTimes) -> (Log, bool) {
-        if times == SampleTimes::Recorded {
-            return (self, false);
-        }
-        let every: Vec<f64> = (0..self.times_s.len()).map(|k| k as f64 * DT_S).collect();
+        let SampleTimes::Every(step_s) = times else { return (self, false) };
+        let every: Vec<f64> = (0..self.times_s.len()).map(|k| k as f64 * step_s).collect();
         let differ = every.iter().zip(&self.times_s).any(|(grid_s, own_s)| {
             let off_s = (own_s - self.times_s[0] - grid_s).abs();
             // NaN is a time that the log does not say.

@@ -5,6 +5,9 @@
 pub mod assemble;
 pub mod centreline;
 pub mod commonroad;
+pub mod conventions;
+#[cfg(test)]
+mod conventions_tests;
 pub mod derived;
 pub mod export_error;
 #[cfg(test)]

@@ -3,6 +3,7 @@
 
 use super::import_error::shown;
 use super::log::{LogTrack, Parts};
+use crate::kernel::num;
 use crate::scene::validate::{SIDE_MAX_M, SIDE_MIN_M};
 use crate::scene::{AgentKind, LeftOut};
 
@@ -13,6 +14,38 @@ const WIDER_THAN_LONG: f64 = 1.2;
 pub fn is_broadside(kind: AgentKind, length_m: f64, width_m: f64) -> bool {
     let given = length_m.is_finite() && length_m > 0.0 && width_m.is_finite();
     given && kind == AgentKind::Vehicle && width_m > WIDER_THAN_LONG * length_m
+}
+
+/// Units of sizes that a vehicle's size tells, with how many make a metre, and a vehicle's usual length and width, metres.
+const UNITS: [(f64, &str); 2] = [(100.0, "centimetres"), (1000.0, "millimetres")];
+const USUAL_M: [std::ops::RangeInclusive<f64>; 2] = [3.0..=15.0, 1.4..=3.0];
+
+/// Brings sizes of another unit to metres, and says so, and who is longer or wider than anybody.
+pub fn in_metres(tracks: &mut [LogTrack], left_out: &mut Parts) {
+    let vehicles = || tracks.iter().filter(|track| track.kind == Ok(AgentKind::Vehicle) && track.length_m > 0.0);
+    let middle = |side: fn(&LogTrack) -> f64| num::quantile(&vehicles().map(side).collect::<Vec<_>>(), 0.5);
+    if let Some((length, width)) = middle(|track| track.length_m).zip(middle(|track| track.width_m)) {
+        let fits = |per_m: &f64| USUAL_M[0].contains(&(length / per_m)) && USUAL_M[1].contains(&(width / per_m));
+        if let Some((per_m, name)) = UNITS.iter().find(|(per_m, _)| fits(per_m)) {
+            for track in tracks.iter_mut() {
+                (track.length_m, track.width_m) = (track.length_m / per_m, track.width_m / per_m);
+            }
+            let reason = format!("those of all road users read in {name}: a vehicle is {length} long and {width} wide");
+            left_out.push((LeftOut::SIZES.into(), reason));
+        }
+    }
+    let beyond = |side: f64| side.is_finite() && side > 0.0 && !(SIDE_MIN_M..=SIDE_MAX_M).contains(&side);
+    let mut wild = tracks.iter().filter(|track| beyond(track.length_m) || beyond(track.width_m));
+    if let Some(first) = wild.next() {
+        let reason = format!(
+            "{} road users have sides beyond 0.05 to 60 m, which were brought to these: e.g. track {}, {} x {} m",
+            wild.count() + 1,
+            shown(&first.id),
+            first.length_m,
+            first.width_m
+        );
+        left_out.push((LeftOut::SIZES.into(), reason));
+    }
 }
 
 /// Exchanges the sides of vehicles that are wider than long, and says so. The ego is one, whatever the log calls it.
@@ -70,6 +103,17 @@ mod tests {
     use crate::formats::hostile::wholes::{described, edited};
     use crate::formats::{commonroad::read as commonroad, scenarionet::read_json};
     use crate::scene::Track;
+
+    #[test]
+    fn sizes_of_another_unit_are_read_in_metres_and_sides_beyond_all_are_told() {
+        let (sides, said) = read(("VEHICLE", 450.0, 190.0), ("PEDESTRIAN", 60.0, 50.0));
+        assert_eq!((sides, said.len()), (vec![[4.5, 1.9], [0.6, 0.5]], 1));
+        assert!(said[0].contains("centimetres"), "{said:?}");
+        let (sides, said) = read(("VEHICLE", 4500.0, 1900.0), ("TRUCK", 9000.0, 2500.0));
+        assert!(sides == [[4.5, 1.9], [9.0, 2.5]] && said[0].contains("millimetres"), "{said:?}");
+        let (sides, said) = read(("VEHICLE", 4.5, 1.9), ("TRUCK", 90.0, 2.5));
+        assert!(sides[1] == [60.0, 2.5] && said.len() == 1 && said[0].contains("track 2, 90 x 2.5 m"), "{said:?}");
+    }
 
     fn resized(track: &mut Value, kind: &str, length_m: f64, width_m: f64) {
         track["type"] = json!(kind);

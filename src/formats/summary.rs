@@ -3,9 +3,9 @@
 
 use std::collections::BTreeMap;
 
+use super::conventions::Conventions;
 use super::import_error::ImportError;
 use super::imported::Imported;
-use super::log::SampleTimes;
 use super::scenarionet::pickle::is_headless;
 use super::scenarionet::{DATA_SET_FILES, pickle_name};
 use super::waymo::tfrecord::Records;
@@ -96,7 +96,7 @@ pub struct FileScenes {
 
 /// Reads one file of a list. `beside` holds the files that routes need, if the list has routes. A bad file gives no
 /// scene, and the reason is in `left_out`.
-pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>, times: SampleTimes) -> FileScenes {
+pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>, conventions: Conventions) -> FileScenes {
     let bytes = match unwrapped(name, bytes) {
         Ok(bytes) => bytes,
         Err(error) => return FileScenes::left_out(name, reason(&error)),
@@ -109,7 +109,7 @@ pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>, times:
             read.cloned().unwrap_or_else(|| Ok(Imported::default()))
         }
         (Part::Routes, Some(beside)) => safebench::import(name, bytes, &beside.found),
-        _ => import_file(name, bytes, times),
+        _ => import_file(name, bytes, conventions),
     };
     let mut imported = match imported {
         Ok(imported) => imported,
@@ -151,12 +151,12 @@ pub enum SameId {
 }
 
 /// How files are read.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
     /// What becomes of a scene whose id a different scene has.
     pub same_id: SameId,
-    /// How the times of samples are taken, of formats that have times.
-    pub times: SampleTimes,
+    /// How the fields of road users are read.
+    pub conventions: Conventions,
 }
 
 /// Puts the results of files together, in the files' order. Of two scenes with one id the first is taken, and the other
@@ -229,7 +229,7 @@ pub fn import_files<N: AsRef<str>, B: AsRef<[u8]>>(files: &[(N, B)]) -> ImportSu
     });
     let read = |(name, bytes): &(N, B)| {
         let name = name.as_ref();
-        (name.to_string(), read_file(name, bytes.as_ref(), beside.as_ref(), SampleTimes::Recorded))
+        (name.to_string(), read_file(name, bytes.as_ref(), beside.as_ref(), Conventions::default()))
     };
     summed(files.iter().map(read), SameId::LeftOut)
 }
@@ -246,15 +246,19 @@ fn has_root(bytes: &[u8], element: &[u8]) -> bool {
 }
 
 /// Imports one file of any format. The format is recognised by the content, never by the name.
-pub fn import_file(file: &str, bytes: &[u8], times: SampleTimes) -> Result<Imported, ImportError> {
+pub fn import_file(file: &str, bytes: &[u8], conventions: Conventions) -> Result<Imported, ImportError> {
     let bytes = unwrapped(file, bytes)?;
     let bytes = bytes.as_ref();
     let head = &bytes[..bytes.len().min(HEAD_BYTES)];
     let holds = |needle: &[u8]| head.windows(needle.len()).any(|window| window == needle);
+    // A record begins with its length, which may look like the first letter of anything.
+    if Records::looks_like(bytes) {
+        return waymo::import_as(file, bytes, conventions);
+    }
     let first = head.iter().find(|b| !b.is_ascii_whitespace() && !matches!(b, 0xef | 0xbb | 0xbf));
     if first == Some(&b'<') {
         if holds(b"<commonRoad") {
-            return commonroad::import(file, bytes);
+            return commonroad::import_as(file, bytes, conventions);
         }
         if holds(b"<OpenDRIVE") {
             let mut imported = Imported::default();
@@ -271,7 +275,7 @@ pub fn import_file(file: &str, bytes: &[u8], times: SampleTimes) -> Result<Impor
     }
     let marked = bytes.strip_prefix(b"\xef\xbb\xbf");
     if [bytes, marked.unwrap_or(bytes)].iter().any(|from| from.first() == Some(&0x80)) || is_headless(bytes) {
-        return scenarionet::import_timed(file, bytes, times);
+        return scenarionet::import_as(file, bytes, conventions);
     }
     if matches!(bytes, [0xff, 0xfe, ..] | [0xfe, 0xff, ..]) {
         let remedy = "save it as UTF-8; a pickle or a record file is no text: fetch it again as binary";
@@ -288,17 +292,14 @@ pub fn import_file(file: &str, bytes: &[u8], times: SampleTimes) -> Result<Impor
     let described = [b"\"map_features\"".as_slice(), b"\"dynamic_map_states\"", b"\"sdc_id\""].into_iter().any(holds)
         || (holds(b"\"tracks\"") || holds(b"\"version\"") && holds(b"\"length\"")) && !holds(b"\"objects\"");
     if first == Some(&b'{') && described {
-        return scenarionet_json::import_timed(file, bytes, times);
+        return scenarionet_json::import_as(file, bytes, conventions);
     }
     if first == Some(&b'{') {
         if safebench::looks_like_scenarios(head) {
             let remedy = "import it together with the route files";
             return Err(ImportError::new(file, "byte 0", "route files beside this scenario file of SafeBench", remedy));
         }
-        return gpudrive::import(file, bytes);
-    }
-    if Records::looks_like(bytes) {
-        return waymo::import_timed(file, bytes, times);
+        return gpudrive::import_as(file, bytes, conventions);
     }
     let (found, remedy) = foreign(bytes).map_or_else(
         || (String::new(), "see `evodrive scenes import --help` for the formats that are read"),

@@ -49,12 +49,21 @@ impl LeftOut {
     pub const HEIGHTS: &str = "its heights";
     /// `what` of a file with vehicles that are wider than long: their sides are exchanged.
     pub const SIZES: &str = "its sizes";
+    /// `what` of a file whose headings contradict the motion, in no convention that is known: they are kept as they are.
+    pub const HEADINGS_DOUBTFUL: &str = "its headings as written";
+    /// `what` of a file whose velocities are steadily faster or slower than the motion: they are kept as they are.
+    pub const VELOCITIES_DOUBTFUL: &str = "its velocities as written";
     const KEPT: [&str; 7] =
         [Self::SAMPLE_TIMES, Self::VELOCITIES, Self::HEADINGS, Self::KINDS, Self::HEIGHTS, Self::SCENE_ID, Self::SIZES];
 
     /// Whether the part is in the pool and only differs from the file's: resampled motion is changed, not missing.
     pub fn is_kept(&self) -> bool {
-        Self::KEPT.contains(&self.what.as_str())
+        self.is_doubtful() || Self::KEPT.contains(&self.what.as_str())
+    }
+
+    /// Whether the part is in the pool as the file has it, and likely wrong.
+    pub fn is_doubtful(&self) -> bool {
+        [Self::HEADINGS_DOUBTFUL, Self::VELOCITIES_DOUBTFUL].contains(&self.what.as_str())
     }
 }
 

@@ -15,6 +15,7 @@ mod by_hand;
 mod cheap_winners;
 mod closed_schema;
 mod commands;
+mod consistency;
 mod counsel;
 mod credit;
 mod damage;

@@ -1,5 +1,6 @@
 //! `scenes`: import, list and compare scenes; showing and exporting have files of their own.
 
+use clap::builder::PossibleValuesParser;
 use clap::{Args, Subcommand};
 use serde_json::json;
 use std::fmt::Write as _;
@@ -10,8 +11,10 @@ use crate::cli::scenes::{best, draw, export, pools, readable, show};
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::experiment::{self, Experiment};
+use crate::formats::conventions::{Conventions, HEADINGS, ReadAs, VELOCITIES};
 use crate::formats::log::SampleTimes;
 use crate::formats::summary::{Reading, SameId};
+use crate::scene::DT_S;
 use crate::scene::stats::PoolStats;
 use crate::text::counted;
 
@@ -25,7 +28,7 @@ pub enum Command {
     /// List the scenes of a pool or of scenario files.
     List(ListOptions),
     /// Check whether evolution can use each scene, and say why not; exit code 2 if one cannot be used. Scenes whose recorded ego
-    /// itself crashes are named.
+    /// itself crashes are named, and a table says whose fields contradict each other.
     Check(pools::CheckOptions),
     /// Write the scenes that have tags, for which an expression holds, or whose recorded ego crashes nowhere, into a pool.
     Filter(pools::FilterOptions),
@@ -61,6 +64,17 @@ pub struct ImportOptions {
     /// ignore these.
     #[arg(long)]
     pub ignore_times: bool,
+    /// Take the samples of any file as so many seconds apart, whatever it says.
+    #[arg(long, value_name = "SECONDS", conflicts_with = "ignore_times")]
+    pub step_s: Option<f64>,
+    /// Read headings in this convention. `judged`: as written, or in the one in which they surely are, which is said. `motion`: each
+    /// looks where it goes.
+    #[arg(long, value_name = "CONVENTION", default_value = "judged", value_parser = headings())]
+    pub headings: String,
+    /// Read velocities in this convention. `judged`: likewise, and where most contradict the places, from places. `places`: all
+    /// from places.
+    #[arg(long, value_name = "CONVENTION", default_value = "judged", value_parser = velocities())]
+    pub velocities: String,
     /// Pool file to write.
     #[arg(long)]
     pub out: PathBuf,
@@ -123,13 +137,47 @@ fn import(options: &ImportOptions, jobs: usize) -> Result<Answer, Failure> {
     let paths: Vec<PathBuf> = options.paths.iter().chain(&options.towns).cloned().collect();
     let threads = threads(jobs)?;
     let same_id = if options.keep_both { SameId::Renamed } else { SameId::LeftOut };
-    let times = if options.ignore_times { SampleTimes::Ignored } else { SampleTimes::Recorded };
+    let conventions = conventions(options)?;
     written(
-        &experiment::read_scenes_as(&paths, Reading { same_id, times }, &threads)?,
+        &experiment::read_scenes_as(&paths, Reading { same_id, conventions }, &threads)?,
         &options.out,
         options.output,
         &threads,
     )
+}
+
+/// Names of the readings of a field: judged, its conventions, derived.
+fn readings<C>(table: &'static [C], name: fn(&C) -> &'static str, derived: &'static str) -> PossibleValuesParser {
+    let names = std::iter::once("judged").chain(table.iter().map(name)).chain([derived]);
+    PossibleValuesParser::new(names)
+}
+
+fn headings() -> PossibleValuesParser {
+    readings(&HEADINGS, |of| of.name, "motion")
+}
+
+fn velocities() -> PossibleValuesParser {
+    readings(&VELOCITIES, |of| of.name, "places")
+}
+
+fn conventions(options: &ImportOptions) -> Result<Conventions, Failure> {
+    let times = match options.step_s {
+        Some(step_s) if (0.01..=1.0).contains(&step_s) => SampleTimes::Every(step_s),
+        Some(step_s) => {
+            return Err(Failure::bad_input(format!("--step-s {step_s}: expected seconds from 0.01 to 1")));
+        }
+        None if options.ignore_times => SampleTimes::Every(DT_S),
+        None => SampleTimes::Recorded,
+    };
+    let known = |at: Option<usize>| at.map_or(ReadAs::Derived, ReadAs::Known);
+    let read_as = |name: &str, at: Option<usize>| if name == "judged" { ReadAs::Judged } else { known(at) };
+    let headings = HEADINGS.iter().position(|of| of.name == options.headings);
+    let velocities = VELOCITIES.iter().position(|of| of.name == options.velocities);
+    Ok(Conventions {
+        times,
+        headings: read_as(&options.headings, headings),
+        velocities: read_as(&options.velocities, velocities),
+    })
 }
 
 fn generate(options: &GenerateOptions, jobs: usize) -> Result<Answer, Failure> {

@@ -2,20 +2,22 @@
 
 use std::collections::BTreeMap;
 
-use crate::scene::{Pool, usable};
+use crate::scene::{LeftOut, Pool, usable};
 
 /// Names that a line gives before it counts.
 const NAMED_MAX: usize = 3;
 
-/// What was changed or left out at import.
+/// What was changed, is doubtful, or was left out at import.
 pub fn lines(pool: &Pool) -> Vec<String> {
-    let named = |kept: bool| {
-        pool.left_out.iter().filter(move |left| left.is_kept() == kept).map(|left| {
+    let named = |holds: fn(&LeftOut) -> bool| {
+        pool.left_out.iter().filter(move |left| holds(left)).map(|left| {
             let what = if left.what.is_empty() { String::new() } else { format!(" ({})", left.what) };
             (format!("{}{what}", left.file), left.reason.clone())
         })
     };
-    [listed("changed", named(true)), listed("left out", named(false))].concat()
+    let changed = named(|left| left.is_kept() && !left.is_doubtful());
+    let (doubtful, gone) = (named(LeftOut::is_doubtful), named(|left| !left.is_kept()));
+    [listed("changed", changed), listed("doubtful", doubtful), listed("left out", gone)].concat()
 }
 
 /// Scenes that are in the pool and that evolution cannot use.
@@ -64,7 +66,6 @@ pub fn without_numbers(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::LeftOut;
 
     #[test]
     fn what_is_only_resampled_is_called_changed_and_not_left_out() {

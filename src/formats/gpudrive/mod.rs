@@ -7,11 +7,12 @@ use serde::Deserialize;
 use serde_json::value::RawValue;
 
 use super::centreline::Across;
+use super::conventions::Conventions;
 use super::derived::kind_named;
 use super::import_error::{ImportError, shown};
 use super::imported::Imported;
 use super::json_numbers::{flags, number, numbers, without_nan};
-use super::log::{Log, LogLane, LogLight, LogTrack, SampleTimes};
+use super::log::{Log, LogLane, LogLight, LogTrack};
 use super::scenarionet::read::finish;
 use crate::kernel::{Vec2, num};
 use crate::scene::validate::STEPS_MAX;
@@ -142,6 +143,14 @@ enum State {
 ///
 /// # Errors The text is not JSON of this schema, the ego's samples have unequal counts, or no vehicle can be the ego.
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
+    import_as(file_name, bytes, Conventions::default())
+}
+
+/// [`import`] with fields read in these conventions.
+///
+/// # Errors
+/// As [`import`].
+pub fn import_as(file_name: &str, bytes: &[u8], conventions: Conventions) -> Result<Imported, ImportError> {
     if bytes.len() > BYTES_MAX {
         return Err(ImportError::new(file_name, "byte 0", "at most 128 MiB of JSON", "split the file"));
     }
@@ -183,7 +192,7 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     roads(file_name, &file.roads, &mut log, &mut imported);
     log.lights = signals(file_name, &file.tl_states, &log, steps, &mut imported);
     let chosen = log.tracks[ego].id.clone();
-    finish(file_name, log, SampleTimes::Recorded, &mut imported);
+    finish(file_name, log, conventions, &mut imported);
     if marked.is_none() {
         let reason =
             "the file marks no ego; taken is the vehicle observed for most steps, of equals the farthest driven";
@@ -269,7 +278,7 @@ fn track(ix: usize, object: &Object, is_new: bool) -> LogTrack {
         let observed = object.valid[k] && position.x != NOT_OBSERVED && position.y != NOT_OBSERVED;
         observed.then(|| Sample {
             position,
-            heading_rad: object.heading.get(k).map_or(f64::NAN, |heading| num::wrap_angle(heading * unit)),
+            heading_rad: object.heading.get(k).map_or(f64::NAN, |heading| heading * unit),
             velocity: place(object.velocity.as_ref().and_then(|velocity| velocity.get(k))),
         })
     };

@@ -497,14 +497,14 @@ fn a_million_faults_are_counted_after_the_first_thousand() {
 
 #[test]
 fn of_two_scenes_with_one_id_both_are_taken_where_that_is_asked_for() {
-    use crate::formats::log::SampleTimes;
+    use crate::formats::conventions::Conventions;
     use crate::formats::summary::{SameId, read_file, summed};
     let bytes = |from: f64| text(&described(|s| s["tracks"]["2"]["state"]["position"][0][1] = json!(from)));
     let files = [("a.json", 0.5), ("b.json", 0.6), ("sub.b.json", 0.7), ("b.json", 0.8), ("c.json", 0.5)];
     let read = |same_id| {
         let read = files
             .iter()
-            .map(|(name, from)| (name.to_string(), read_file(name, &bytes(*from), None, SampleTimes::Recorded)));
+            .map(|(name, from)| (name.to_string(), read_file(name, &bytes(*from), None, Conventions::default())));
         summed(read, same_id)
     };
     let left_out = read(SameId::LeftOut);
@@ -519,6 +519,7 @@ fn of_two_scenes_with_one_id_both_are_taken_where_that_is_asked_for() {
 
 #[test]
 fn times_of_a_description_are_not_read_where_that_is_asked_for() {
+    use crate::formats::conventions::Conventions;
     use crate::formats::log::SampleTimes;
     use crate::formats::summary::import_file;
     let slow = |s: &mut Value| {
@@ -528,11 +529,12 @@ fn times_of_a_description_are_not_read_where_that_is_asked_for() {
     };
     let (even, slow) = (described(|_| ()), described(slow));
     for bytes in [text as fn(&Value) -> Vec<u8>, pickled] {
-        let read = |of: &Value, times| import_file("s", &bytes(of), times).unwrap();
-        let (plain, ignored) = (read(&even, SampleTimes::Recorded), read(&slow, SampleTimes::Ignored));
+        let read =
+            |of: &Value, times| import_file("s", &bytes(of), Conventions { times, ..Conventions::default() }).unwrap();
+        let (plain, ignored) = (read(&even, SampleTimes::Recorded), read(&slow, SampleTimes::Every(0.1)));
         assert_eq!(ignored.scenes, plain.scenes);
         assert!(ignored.left_out.iter().any(|part| part.reason.starts_with("they were not read")));
-        assert_eq!(read(&even, SampleTimes::Ignored), plain);
+        assert_eq!(read(&even, SampleTimes::Every(0.1)), plain);
         assert_ne!(read(&slow, SampleTimes::Recorded).scenes, plain.scenes);
     }
 }

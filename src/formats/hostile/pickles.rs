@@ -1,6 +1,6 @@
 //! Hostile pickles: names and opcodes that run code, and one object that is used a million times.
 
-use crate::formats::log::SampleTimes;
+use crate::formats::conventions::Conventions;
 use crate::formats::scenarionet::pickle;
 use crate::formats::summary::import_file;
 use crate::kernel::Seed;
@@ -54,7 +54,7 @@ fn old_protocols_and_byte_order_marks_are_said_by_name_and_not_called_damage() {
         (b"\xff\xfe{\x00}\x00", "byte order mark"),
     ];
     for (bytes, name) in heads {
-        let refusal = import_file("f.pkl", bytes, SampleTimes::Recorded).unwrap_err().to_string();
+        let refusal = import_file("f.pkl", bytes, Conventions::default()).unwrap_err().to_string();
         assert!(refusal.contains(name) && !refusal.contains("damaged"), "{name}: {refusal}");
     }
 }

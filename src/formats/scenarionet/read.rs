@@ -3,6 +3,7 @@
 use super::pickle::{Node, Numbers};
 use crate::formats::assemble::assembled;
 use crate::formats::centreline::{Across, widths_within};
+use crate::formats::conventions::Conventions;
 use crate::formats::derived::kind_named;
 use crate::formats::import_error::{ImportError, shown};
 use crate::formats::imported::Imported;
@@ -65,14 +66,16 @@ pub(super) fn log_of(
 }
 
 /// Adds a log as a scene, or as something left out.
-pub(in crate::formats) fn finish(file_name: &str, log: Log, times: SampleTimes, imported: &mut Imported) {
+pub(in crate::formats) fn finish(file_name: &str, log: Log, conventions: Conventions, imported: &mut Imported) {
     let id = log.id.clone();
-    let (log, differ) = log.timed(times);
-    if differ {
-        let reason = "they were not read: each sample counts as 0.1 s after the one before it";
-        imported.leave_out(file_name, || (LeftOut::SAMPLE_TIMES.into(), reason.into()));
+    let (log, differ) = log.timed(conventions.times);
+    if let SampleTimes::Every(step_s) = conventions.times
+        && differ
+    {
+        let reason = format!("they were not read: each sample counts as {step_s} s after the one before it");
+        imported.leave_out(file_name, || (LeftOut::SAMPLE_TIMES.into(), reason));
     }
-    match assembled(log) {
+    match assembled(Log { conventions: Some(conventions), ..log }) {
         Err(reason) => imported.leave_out(file_name, || (id, reason)),
         Ok((scene, parts)) => {
             parts.into_iter().for_each(|part| imported.leave_out(file_name, || part));

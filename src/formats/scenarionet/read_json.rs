@@ -4,9 +4,9 @@
 use super::pickle::{self, Node};
 use super::read::{finish, log_of};
 use crate::formats::assemble::assembled;
+use crate::formats::conventions::Conventions;
 use crate::formats::import_error::ImportError;
 use crate::formats::imported::Imported;
-use crate::formats::log::SampleTimes;
 use crate::kernel::Vec2;
 use crate::scene::remainder::Remainder;
 use crate::scene::{Origin, Scene};
@@ -18,15 +18,15 @@ const FORMAT: &str = "scenarionet-json";
 ///
 /// # Errors The file is not JSON, or not a ScenarioDescription with a self-driving car; see [`super::read_pickle::import`].
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
-    import_timed(file_name, bytes, SampleTimes::Recorded)
+    import_as(file_name, bytes, Conventions::default())
 }
 
-/// [`import`] with the times of samples taken so. An export of this project is read as it is.
+/// [`import`] with fields read in these conventions. An export of this project is read as it is.
 ///
 /// # Errors
 /// As [`import`].
-pub fn import_timed(file_name: &str, bytes: &[u8], times: SampleTimes) -> Result<Imported, ImportError> {
-    described(file_name, &pickle::read_json(file_name, bytes)?.root(), FORMAT, times)
+pub fn import_as(file_name: &str, bytes: &[u8], conventions: Conventions) -> Result<Imported, ImportError> {
+    described(file_name, &pickle::read_json(file_name, bytes)?.root(), FORMAT, conventions)
 }
 
 /// The scene of a description, which may be an export of this project.
@@ -34,12 +34,12 @@ pub(super) fn described(
     file_name: &str,
     root: &Node<'_>,
     format: &str,
-    times: SampleTimes,
+    conventions: Conventions,
 ) -> Result<Imported, ImportError> {
     let beside = root.get("metadata").and_then(|metadata| metadata.get("evodrive")).filter(|node| !node.is_none());
     let plain = |mut imported: Imported| {
         let log = log_of(file_name, root, format, &mut imported)?;
-        finish(file_name, log, times, &mut imported);
+        finish(file_name, log, conventions, &mut imported);
         Ok(imported)
     };
     let Some(beside) = beside else { return plain(Imported::default()) };

@@ -3,22 +3,22 @@
 use super::pickle;
 use super::read_json::described;
 use super::write_pickle::is_of_data_set;
+use crate::formats::conventions::Conventions;
 use crate::formats::import_error::ImportError;
 use crate::formats::imported::Imported;
-use crate::formats::log::SampleTimes;
 
 /// The scene in a pickle.
 ///
 /// # Errors The file is not a pickle of plain data, lacks something that a scene needs, or holds NaN or infinity.
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
-    import_timed(file_name, bytes, SampleTimes::Recorded)
+    import_as(file_name, bytes, Conventions::default())
 }
 
-/// [`import`] with the times of samples taken so. An export of this project is read as it is.
+/// [`import`] with fields read in these conventions. An export of this project is read as it is.
 ///
 /// # Errors
 /// As [`import`].
-pub fn import_timed(file_name: &str, bytes: &[u8], times: SampleTimes) -> Result<Imported, ImportError> {
+pub fn import_as(file_name: &str, bytes: &[u8], conventions: Conventions) -> Result<Imported, ImportError> {
     let pickle = pickle::read(file_name, bytes)?;
     if is_of_data_set(&pickle.root()) {
         let reason = "a data set's list of its pickles: it holds no scene itself";
@@ -26,5 +26,5 @@ pub fn import_timed(file_name: &str, bytes: &[u8], times: SampleTimes) -> Result
         imported.leave_out(file_name, || (String::new(), reason.into()));
         return Ok(imported);
     }
-    described(file_name, &pickle.root(), "scenarionet", times)
+    described(file_name, &pickle.root(), "scenarionet", conventions)
 }

@@ -9,10 +9,11 @@ use prost::Message;
 
 use self::tfrecord::Records;
 use super::centreline::{Across, thinned};
+use super::conventions::Conventions;
 use super::gpudrive::waymo_light_state;
 use super::import_error::ImportError;
 use super::imported::Imported;
-use super::log::{Log, LogLane, LogLight, LogTrack, SampleTimes};
+use super::log::{Log, LogLane, LogLight, LogTrack};
 use super::scenarionet::read::finish;
 use crate::kernel::{Vec2, num};
 use crate::scene::validate::STEPS_MAX;
@@ -211,21 +212,21 @@ pub struct BoundarySegment {
 /// # Errors
 /// The first record is already damaged, or there is none.
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
-    import_timed(file_name, bytes, SampleTimes::Recorded)
+    import_as(file_name, bytes, Conventions::default())
 }
 
-/// [`import`] with the times of samples taken so.
+/// [`import`] with fields read in these conventions.
 ///
 /// # Errors
 /// As [`import`].
-pub fn import_timed(file_name: &str, bytes: &[u8], times: SampleTimes) -> Result<Imported, ImportError> {
+pub fn import_as(file_name: &str, bytes: &[u8], conventions: Conventions) -> Result<Imported, ImportError> {
     if bytes.is_empty() {
         return Err(ImportError::new(file_name, "byte 0", "a record", "the file is empty; fetch it again"));
     }
-    read(file_name, bytes, times, FILE_PARTS_MAX)
+    read(file_name, bytes, conventions, FILE_PARTS_MAX)
 }
 
-fn read(file_name: &str, bytes: &[u8], times: SampleTimes, parts_max: usize) -> Result<Imported, ImportError> {
+fn read(file_name: &str, bytes: &[u8], conventions: Conventions, parts_max: usize) -> Result<Imported, ImportError> {
     let mut imported = Imported::default();
     let mut parts = 0usize;
     for (index, record) in Records::of(file_name, bytes).enumerate() {
@@ -253,7 +254,7 @@ fn read(file_name: &str, bytes: &[u8], times: SampleTimes, parts_max: usize) -> 
         match data.and_then(|data| scenario(file_name, index, data, &mut one)) {
             Ok(log) => {
                 let (steps, things) = (log.times_s.len(), log.tracks.len() + log.lights.len());
-                finish(file_name, log, times, &mut one);
+                finish(file_name, log, conventions, &mut one);
                 parts = parts.saturating_add(one.scenes.iter().map(map_points).sum());
                 let steps = one.scenes.iter().map(|scene| scene.steps).fold(steps.max(PART_MIN), usize::max);
                 parts = parts.saturating_add(steps.saturating_mul(things));
@@ -497,9 +498,10 @@ fn distance(point: Vec2, line: &[MapPoint]) -> Option<f64> {
 pub(super) mod tests {
     use super::tfrecord::written;
     use super::*;
+    use crate::formats::log::SampleTimes;
 
     fn read(file_name: &str, bytes: &[u8], parts_max: usize) -> Result<Imported, ImportError> {
-        super::read(file_name, bytes, SampleTimes::Recorded, parts_max)
+        super::read(file_name, bytes, Conventions::default(), parts_max)
     }
 
     fn points(from: (f64, f64), to: (f64, f64)) -> Vec<MapPoint> {
@@ -576,6 +578,47 @@ pub(super) mod tests {
                 MapFeature { id: 20, road_edge: Some(edge), ..MapFeature::default() },
                 MapFeature { id: 21, stop_sign: Some(sign), ..MapFeature::default() },
             ],
+        }
+    }
+
+    /// The record of a scene.
+    pub fn message_of(scene: &Scene) -> Scenario {
+        let state = |track: &crate::scene::Track, sample: Option<&Sample>| {
+            let Sample { position, heading_rad, velocity } = sample.copied().unwrap_or_default();
+            ObjectState {
+                center_x: position.x,
+                center_y: position.y,
+                center_z: Some(0.0),
+                length: track.length_m as f32,
+                width: track.width_m as f32,
+                heading: heading_rad as f32,
+                velocity_x: Some(velocity.x as f32),
+                velocity_y: Some(velocity.y as f32),
+                valid: sample.is_some(),
+            }
+        };
+        let track = |(id, track): (usize, &crate::scene::Track)| Track {
+            id: id as i32,
+            object_type: match track.kind {
+                AgentKind::Vehicle => 1,
+                AgentKind::Pedestrian => 2,
+                AgentKind::Cyclist => 3,
+                AgentKind::Static => 4,
+            },
+            states: track.samples.iter().map(|sample| state(track, sample.as_ref())).collect(),
+        };
+        let lane = |(id, lane): (usize, &crate::scene::Lane)| {
+            let polyline = lane.centre.iter().map(|p| MapPoint { x: p.x, y: p.y }).collect();
+            let lane = LaneCenter { kind: 2, polyline, ..LaneCenter::default() };
+            MapFeature { id: id as i64, lane: Some(Box::new(lane)), ..MapFeature::default() }
+        };
+        Scenario {
+            timestamps_seconds: (0..scene.steps).map(|k| 0.1 * k as f64).collect(),
+            tracks: std::iter::once(&scene.ego.track).chain(&scene.tracks).enumerate().map(track).collect(),
+            scenario_id: scene.id.clone(),
+            current_time_index: scene.current_step as i32,
+            map_features: scene.road.lanes.iter().enumerate().map(lane).collect(),
+            ..Scenario::default()
         }
     }
 
@@ -664,16 +707,17 @@ pub(super) mod tests {
         let (even, mut late) = (message(), message());
         late.timestamps_seconds = (0..91).map(|k| 0.14 * f64::from(k)).collect();
         let read = |message: &Scenario, times| {
-            import_timed("f.tfrecord", &written(&[message.encode_to_vec()]), times).unwrap()
+            let conventions = Conventions { times, ..Conventions::default() };
+            import_as("f.tfrecord", &written(&[message.encode_to_vec()]), conventions).unwrap()
         };
-        let (plain, ignored) = (read(&even, SampleTimes::Recorded), read(&late, SampleTimes::Ignored));
+        let (plain, ignored) = (read(&even, SampleTimes::Recorded), read(&late, SampleTimes::Every(0.1)));
         assert_eq!(ignored.scenes, plain.scenes);
         assert!(
             ignored.left_out.iter().any(|part| part.reason.starts_with("they were not read")),
             "{:?}",
             ignored.left_out
         );
-        assert_eq!(read(&even, SampleTimes::Ignored), plain, "what lies on the grid is read as ever");
+        assert_eq!(read(&even, SampleTimes::Every(0.1)), plain, "what lies on the grid is read as ever");
         assert_ne!(read(&late, SampleTimes::Recorded).scenes, plain.scenes);
     }
 

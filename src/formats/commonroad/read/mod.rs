@@ -6,8 +6,10 @@ mod problem;
 mod road;
 mod signs;
 
+use crate::formats::conventions::{Conventions, HEADINGS, Heading, VELOCITIES, Velocity};
 use crate::formats::import_error::{ImportError, shown};
 use crate::formats::imported::Imported;
+use crate::formats::log::SampleTimes;
 use crate::formats::xml_read::{Document, Element};
 use crate::kernel::{Vec2, num};
 use crate::scene::remainder::Remainder;
@@ -34,9 +36,17 @@ struct File<'d> {
     dt_s: f64,
     /// Where the first planning problem that says so begins: nothing that belongs to the file lies far from there.
     here: Option<Vec2>,
+    /// The conventions of its headings and velocities.
+    headings: &'static Heading,
+    velocities: &'static Velocity,
 }
 
 impl File<'_> {
+    /// Like [`exact_or_middle`] for headings: the middle of the arc that is run through counter-clockwise.
+    fn angle(&self, element: &Element<'_>) -> Result<f64, ImportError> {
+        exact_or_middle(element).map(|theirs| num::wrap_angle(self.headings.ours(theirs)))
+    }
+
     /// A place on the file's map.
     fn near_point(&self, element: &Element<'_>) -> Result<Vec2, ImportError> {
         let place = point(element)?;
@@ -52,18 +62,30 @@ impl File<'_> {
 ///
 /// # Errors The file is not CommonRoad XML of a known version, is cut off, or holds no lanelet that can be read.
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
+    import_as(file_name, bytes, Conventions::default())
+}
+
+/// [`import`] with fields read in these conventions. An export of this project is read as it is.
+///
+/// # Errors
+/// As [`import`].
+pub fn import_as(file_name: &str, bytes: &[u8], conventions: Conventions) -> Result<Imported, ImportError> {
     let document = Document::parse(file_name, bytes)?;
-    let file = opened(file_name, document.root())?;
+    let mut file = opened(file_name, document.root())?;
+    if let SampleTimes::Every(step_s) = conventions.times {
+        file.dt_s = step_s;
+    }
     let mut imported = Imported::default();
     let network = road::read(&file, &mut imported)?;
-    let obstacles = obstacles::read(&file, &mut imported);
     if let Some(text) = document.instruction("evodrive") {
+        let mut own = imported.clone();
+        let obstacles = obstacles::read(&file, None, &mut own);
         match exported(&file, text, &network, &obstacles) {
             Some(scene) => {
-                imported.scenes.push(scene);
+                own.scenes.push(scene);
                 // What was derived from the elements is not what the scene has.
-                imported.left_out.retain(|left| !left.is_kept());
-                return Ok(imported);
+                own.left_out.retain(|left| !left.is_kept());
+                return Ok(own);
             }
             None => imported.leave_out(file_name, || {
                 let reason = "the file was edited after its export, or exported by another version; what its CommonRoad \
@@ -72,6 +94,9 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
             }),
         }
     }
+    let obstacles = obstacles::read(&file, Some(conventions), &mut imported);
+    let (headings, velocities) = obstacles.conventions;
+    (file.headings, file.velocities) = (&HEADINGS[headings], &VELOCITIES[velocities]);
     let elements: Vec<Element<'_>> = file.root.named("planningProblem").collect();
     if elements.is_empty() {
         let reason = "it holds no planning problem, so nothing says where the ego starts";
@@ -121,7 +146,7 @@ pub(crate) fn read_plainly(file_name: &str, bytes: &[u8]) -> Result<Scene, Impor
     let document = Document::parse(file_name, bytes)?;
     let file = opened(file_name, document.root())?;
     let network = road::read(&file, &mut Imported::default())?;
-    let obstacles = obstacles::read(&file, &mut Imported::default());
+    let obstacles = obstacles::read(&file, None, &mut Imported::default());
     unplanned(&file, &network, &obstacles)
 }
 
@@ -165,7 +190,7 @@ fn opened<'d>(name: &'d str, root: Element<'d>) -> Result<File<'d>, ImportError>
         point(&position).ok()
     });
     let here = starts.into_iter().next();
-    Ok(File { name, root, is_2020a, dt_s, here })
+    Ok(File { name, root, is_2020a, dt_s, here, headings: &HEADINGS[0], velocities: &VELOCITIES[0] })
 }
 
 fn scene(
@@ -242,11 +267,6 @@ fn exact_or_middle(element: &Element<'_>) -> Result<f64, ImportError> {
             Ok(from + 0.5 * (to - from))
         }
     }
-}
-
-/// Like [`exact_or_middle`] for angles: the middle of the arc that is run through counter-clockwise.
-fn angle(element: &Element<'_>) -> Result<f64, ImportError> {
-    exact_or_middle(element).map(num::wrap_angle)
 }
 
 /// A time as a step of the file, from 0 to 1 million.

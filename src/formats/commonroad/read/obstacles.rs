@@ -3,7 +3,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{File, angle, exact_or_middle, named, point, step};
+use super::{File, exact_or_middle, named, point, step};
+use crate::formats::conventions::{self, Conventions, Given, HEADINGS, ReadAs, VELOCITIES, Wrong};
 use crate::formats::derived;
 use crate::formats::import_error::{ImportError, shown};
 use crate::formats::imported::Imported;
@@ -17,6 +18,10 @@ use crate::scene::{AgentKind, LeftOut, Sample, Track};
 /// Everything that moves or stands, in the file's coordinates and time.
 pub(super) struct Obstacles {
     obstacles: Vec<Obstacle>,
+    /// Boxes of road boundaries.
+    walls: Vec<Obstacle>,
+    /// The conventions of the file's headings and velocities, places in [`HEADINGS`] and [`VELOCITIES`].
+    pub conventions: (usize, usize),
     /// Outlines of road boundaries.
     pub edges: Vec<Vec<Vec2>>,
 }
@@ -28,7 +33,46 @@ struct Obstacle {
     width_m: f64,
     /// Box centres; one for a static obstacle, which stands for all time.
     states: Vec<State>,
+    /// From the place of a state to the centre of its box, in the obstacle's own axes.
+    to_centre: Vec2,
     is_static: bool,
+    /// Whether the file says where it looks; a point mass looks where it goes.
+    is_oriented: bool,
+}
+
+impl Obstacle {
+    /// Turns it to where it goes; who never moves keeps his heading.
+    fn look_ahead(&mut self) {
+        let times: Vec<f64> = self.states.iter().map(|state| state.time_s).collect();
+        let places: Vec<Vec2> = self.states.iter().map(|state| state.position).collect();
+        let headings = derived::headings(&times, &places).unwrap_or_default();
+        self.states.iter_mut().zip(headings).for_each(|(state, heading_rad)| state.heading_rad = heading_rad);
+    }
+}
+
+/// An obstacle's states as samples. Its velocity lies along its heading.
+struct ObstacleLog {
+    times_s: Vec<f64>,
+    samples: Vec<Option<Sample>>,
+    looks_ahead: bool,
+}
+
+impl ObstacleLog {
+    fn of(obstacle: &Obstacle) -> ObstacleLog {
+        let sample = |state: &State| {
+            let velocity = Vec2::from_heading(state.heading_rad) * state.speed_mps.unwrap_or(f64::NAN);
+            Some(Sample { position: state.position, heading_rad: state.heading_rad, velocity })
+        };
+        ObstacleLog {
+            times_s: obstacle.states.iter().map(|state| state.time_s).collect(),
+            samples: obstacle.states.iter().map(sample).collect(),
+            looks_ahead: !matches!(obstacle.kind, AgentKind::Pedestrian | AgentKind::Static),
+        }
+    }
+
+    fn given(&self) -> Given<'_> {
+        Given { times_s: &self.times_s, samples: &self.samples, looks_ahead: self.looks_ahead }
+    }
 }
 
 /// A bounding box in an obstacle's own axes.
@@ -61,9 +105,10 @@ impl From<ImportError> for Lost {
     }
 }
 
-/// The obstacles that can be read; the others are left out in `imported`.
-pub(super) fn read(file: &File<'_>, imported: &mut Imported) -> Obstacles {
-    let mut obstacles = Obstacles { obstacles: vec![], edges: vec![] };
+/// The obstacles that can be read; the others are left out in `imported`. Without conventions headings and speeds are
+/// taken as they are written.
+pub(super) fn read(file: &File<'_>, conventions: Option<Conventions>, imported: &mut Imported) -> Obstacles {
+    let mut obstacles = Obstacles { obstacles: vec![], walls: vec![], conventions: (0, 0), edges: vec![] };
     let mut reading = Reading {
         ids: BTreeSet::new(),
         headings: 0,
@@ -81,7 +126,11 @@ pub(super) fn read(file: &File<'_>, imported: &mut Imported) -> Obstacles {
             }
         }
     }
+    if let Some(conventions) = conventions {
+        obstacles.read_as(conventions, file, reading.imported);
+    }
     reading.finish(file);
+    obstacles.place_boxes();
     obstacles
 }
 
@@ -146,11 +195,11 @@ impl Obstacles {
         let shape = element.needed_child("shape")?;
         let extent = extent(&shape)?.ok_or_else(|| shape.refuse("a rectangle, circle or polygon"))?;
         let size = extent.size();
-        let states = states(file, element, &extent, is_static, reading)?;
+        let (states, is_oriented) = states(file, element, &extent, is_static, reading)?;
+        let to_centre = extent.centre();
         if kind_name == "roadBoundary" {
-            let box_ = OrientedBox::new(states[0].position, states[0].heading_rad, size.x, size.y);
-            let corners = box_.corners();
-            self.edges.push(vec![corners[0], corners[1], corners[2], corners[3], corners[0]]);
+            let (id, kind, length_m, width_m) = (id.to_string(), AgentKind::Static, size.x, size.y);
+            self.walls.push(Obstacle { id, kind, length_m, width_m, states, to_centre, is_static, is_oriented });
             return Ok(());
         }
         let sides = SIDE_MIN_M..=SIDE_MAX_M;
@@ -172,8 +221,76 @@ impl Obstacles {
             reading.broadside.push((id, (length_m, width_m)));
             (length_m, width_m) = (width_m, length_m);
         }
-        self.obstacles.push(Obstacle { id: id.into(), kind, length_m, width_m, states, is_static });
+        let id = id.to_string();
+        self.obstacles.push(Obstacle { id, kind, length_m, width_m, states, to_centre, is_static, is_oriented });
         Ok(())
+    }
+
+    /// Reads headings and speeds in a convention; see [`conventions`].
+    fn read_as(&mut self, conventions: Conventions, file: &File<'_>, imported: &mut Imported) {
+        let mut notes = conventions::said_by_option(conventions);
+        let logs: Vec<ObstacleLog> = self.obstacles.iter().map(ObstacleLog::of).collect();
+        let given: Vec<Given<'_>> =
+            self.obstacles.iter().zip(&logs).filter(|(of, _)| of.is_oriented).map(|(_, log)| log.given()).collect();
+        let read = match conventions.headings.named() {
+            Some(convention) => conventions::Read { convention, note: None },
+            None => conventions::read_headings(&given, "all obstacles", 0),
+        };
+        notes.extend(read.note);
+        self.conventions.0 = read.convention;
+        let convention = &HEADINGS[read.convention];
+        for of in self.obstacles.iter_mut().chain(&mut self.walls) {
+            if conventions.headings == ReadAs::Derived {
+                of.look_ahead();
+            } else if of.is_oriented && read.convention > 0 {
+                of.states.iter_mut().for_each(|state| state.heading_rad = convention.ours(state.heading_rad));
+            }
+        }
+        let logs: Vec<ObstacleLog> = self.obstacles.iter().map(ObstacleLog::of).collect();
+        let given: Vec<Given<'_>> = logs.iter().map(ObstacleLog::given).collect();
+        let read = match conventions.velocities.named() {
+            Some(convention) => conventions::Read { convention, note: None },
+            None => conventions::read_velocities(&given, "all obstacles", 0),
+        };
+        notes.extend(read.note);
+        self.conventions.1 = read.convention;
+        let convention = &VELOCITIES[read.convention];
+        let (mut derived, mut other_pace) = (Vec::new(), Vec::new());
+        for (of, log) in self.obstacles.iter_mut().zip(&logs) {
+            let mut wrong = None;
+            if read.convention > 0 {
+                of.states
+                    .iter_mut()
+                    .for_each(|state| state.speed_mps = state.speed_mps.map(|v| convention.speed_mps(v)));
+            } else if conventions.velocities == ReadAs::Judged {
+                wrong = conventions::wrong_velocities(&log.given());
+            }
+            match wrong {
+                Some(Wrong::Times(times)) => other_pace.push((of.id.as_str(), times)),
+                Some(Wrong::Nothing) => derived.push(of.id.as_str()),
+                None => {}
+            }
+            if conventions.velocities == ReadAs::Derived || matches!(wrong, Some(Wrong::Nothing)) {
+                of.states.iter_mut().for_each(|state| state.speed_mps = None);
+            }
+        }
+        notes.extend(conventions::contradicting(&derived).into_iter().chain(conventions::paced(&other_pace)));
+        notes.into_iter().for_each(|note| imported.leave_out(file.name, || note));
+    }
+
+    /// Moves states to the centres of their boxes, and makes edges of walls.
+    fn place_boxes(&mut self) {
+        for of in self.obstacles.iter_mut().chain(&mut self.walls) {
+            for state in &mut of.states {
+                state.heading_rad = num::wrap_angle(state.heading_rad);
+                state.position = state.position + of.to_centre.rotated(state.heading_rad);
+            }
+        }
+        for wall in self.walls.drain(..) {
+            let State { position, heading_rad, .. } = wall.states[0];
+            let corners = OrientedBox::new(position, heading_rad, wall.length_m, wall.width_m).corners();
+            self.edges.push(vec![corners[0], corners[1], corners[2], corners[3], corners[0]]);
+        }
     }
 
     pub fn count(&self) -> usize {
@@ -214,27 +331,30 @@ impl Obstacles {
     }
 }
 
-/// The states that can be read, of box centres, each later than the one before it. A state that cannot be read, or that
-/// stands for no later time, is left out alone.
+/// The states that can be read, each later than the one before it, and whether the file says where it looks. A state that
+/// cannot be read, or that stands for no later time, is left out alone.
 fn states<'d>(
     file: &File<'d>,
     element: &Element<'d>,
     extent: &Extent,
     is_static: bool,
     reading: &mut Reading<'_, 'd>,
-) -> Result<Vec<State>, Lost> {
+) -> Result<(Vec<State>, bool), Lost> {
     let initial = element.needed_child("initialState")?;
     let trajectory = element.child("trajectory");
     let given = std::iter::once(initial).chain(trajectory.iter().flat_map(|t| t.named("state")));
     let mut states: Vec<State> = Vec::new();
-    let (mut lost, mut first) = (0, None);
+    let (mut lost, mut first, mut is_oriented) = (0, None, false);
     for given in given {
         let read = state(file, &given).and_then(|state| match states.last() {
             Some(last) if last.time_s >= state.time_s => Err(given.refuse("a time after the state before it")),
             _ => Ok(state),
         });
         match read {
-            Ok(state) => states.push(state),
+            Ok(state) => {
+                is_oriented |= given.child("orientation").is_some();
+                states.push(state);
+            }
             Err(error) => {
                 lost += 1;
                 first = first.or(Some(error));
@@ -265,14 +385,11 @@ fn states<'d>(
         reading.velocities += 1;
     }
     reading.headings += usize::from(turned);
-    for state in &mut states {
-        state.position = state.position + extent.centre().rotated(state.heading_rad);
-    }
     if let Some(error) = first {
         let what = format!("{lost} states of {}", named(element));
         reading.imported.leave_out_for(what, &error, &format!("its other {} states are kept", states.len()));
     }
-    Ok(states)
+    Ok((states, is_oriented))
 }
 
 /// `None` of a name that says nothing of how it moves.
@@ -330,7 +447,7 @@ fn state(file: &File<'_>, element: &Element<'_>) -> Result<State, ImportError> {
     };
     let time = element.needed_child("time")?;
     let time = time.child("exact").ok_or_else(|| time.refuse("an exact time, found an interval"))?;
-    let orientation = element.child("orientation").map(|o| angle(&o)).transpose()?;
+    let orientation = element.child("orientation").map(|o| exact_or_middle(&o)).transpose()?;
     let along = element.child("velocity").map(|v| exact_or_middle(&v)).transpose()?;
     // A point mass has its velocity in the axes of the map.
     let across = element.child("velocityY").map(|v| exact_or_middle(&v)).transpose()?;

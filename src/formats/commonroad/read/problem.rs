@@ -2,7 +2,7 @@
 
 use super::obstacles::place;
 use super::road::Network;
-use super::{EGO_LENGTH_M, EGO_WIDTH_M, File, angle, exact_or_middle, point, step};
+use super::{EGO_LENGTH_M, EGO_WIDTH_M, File, exact_or_middle, point, step};
 use crate::formats::import_error::{ImportError, shown};
 use crate::formats::imported::Imported;
 use crate::formats::xml_read::Element;
@@ -42,11 +42,11 @@ pub(super) fn read(
 ) -> Result<Problem, ImportError> {
     let initial = element.needed_child("initialState")?;
     let place = initial.needed_child("position")?.needed_child("point")?;
-    let speed_mps = exact_or_middle(&initial.needed_child("velocity")?)?;
+    let speed_mps = file.velocities.speed_mps(exact_or_middle(&initial.needed_child("velocity")?)?);
     let mut problem = Problem {
         id: element.needed_attribute("id")?.to_string(),
         position: point(&place)?,
-        heading_rad: angle(&initial.needed_child("orientation")?)?,
+        heading_rad: file.angle(&initial.needed_child("orientation")?)?,
         speed_mps,
         start_step: step(&initial.needed_child("time")?.needed_child("exact")?)?,
         goal_step: None,
@@ -56,7 +56,7 @@ pub(super) fn read(
     };
     // Several goal states are alternatives. The route leads to the nearest that can be reached.
     for goal in element.named("goalState") {
-        if let Err(error) = problem.read_goal(&goal, network, imported) {
+        if let Err(error) = problem.read_goal(file, &goal, network, imported) {
             imported.leave_out_for(
                 format!("goal of problem {}", shown(&problem.id)),
                 &error,
@@ -68,7 +68,13 @@ pub(super) fn read(
 }
 
 impl Problem {
-    fn read_goal(&mut self, goal: &Element<'_>, network: &Network, imported: &mut Imported) -> Result<(), ImportError> {
+    fn read_goal(
+        &mut self,
+        file: &File<'_>,
+        goal: &Element<'_>,
+        network: &Network,
+        imported: &mut Imported,
+    ) -> Result<(), ImportError> {
         let position = goal.child("position");
         self.has_goal_place |= position.is_some();
         if let Some(time) = goal.child("time") {
@@ -89,7 +95,7 @@ impl Problem {
             self.goals.extend(lane.map(|lane| GoalPlace { lane, s_m: 0.0 }));
         }
         if let Some(middle) = place(&position)? {
-            let heading = goal.child("orientation").map(|o| angle(&o)).transpose()?;
+            let heading = goal.child("orientation").map(|o| file.angle(&o)).transpose()?;
             let graph = &network.graph;
             let state = match heading {
                 Some(heading) => graph.nearest_lane(middle, heading, START_WITHIN_M),

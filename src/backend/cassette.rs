@@ -295,8 +295,8 @@ impl RolloutCassette {
 
     /// The text of the file.
     pub fn to_bytes(&self, name: &str) -> Vec<u8> {
-        let told = |of: &Recorded| matches!(&of.answer, Answer::ReportedRollout(of) if !of.controls.is_empty());
-        let version = if self.rollouts.values().any(told) { VERSION_WITH_CONTROLS } else { VERSION };
+        let decides = |of: &Recorded| matches!(&of.answer, Answer::ReportedRollout(of) if !of.controls.is_empty());
+        let version = if self.rollouts.values().any(decides) { VERSION_WITH_CONTROLS } else { VERSION };
         let first = FirstLine {
             format: FORMAT.into(),
             version: version.into(),

@@ -252,13 +252,6 @@ impl Recorded {
     }
 }
 
-/// Where the answers of a result lie: beside it, one file a set of rules.
-pub fn answers_beside(result: &Path, rules: usize) -> PathBuf {
-    let stem = result.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-    let number = if rules == 0 { String::new() } else { format!("-{}", rules + 1) };
-    result.with_file_name(format!("{stem}.rollouts{number}.jsonl.zst"))
-}
-
 /// A folder in which answers wait until all are there.
 pub fn recording_beside(result: &Path) -> PathBuf {
     let stem = result.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());

@@ -1,9 +1,8 @@
 //! Suites and results of them on disk.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::backend::RolloutCassette;
-use crate::cli::studies::suite_drive::answers_beside;
 use crate::cli::terminal::answer::progress;
 use crate::cli::terminal::exit::Failure;
 use crate::cli::terminal::output::Output;
@@ -104,6 +103,13 @@ pub fn read_result(path: &Path) -> Result<SuiteResult, Failure> {
         }
     }
     Ok(result)
+}
+
+/// Where the answers of a result lie: beside it, one file a set of rules.
+pub fn answers_beside(result: &Path, rules: usize) -> PathBuf {
+    let stem = result.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+    let number = if rules == 0 { String::new() } else { format!("-{}", rules + 1) };
+    result.with_file_name(format!("{stem}.rollouts{number}.jsonl.zst"))
 }
 
 /// Said of answers that are not those of their result.

@@ -9,10 +9,10 @@ use crate::backend::{DriverOptions, Header, RolloutCassette};
 use crate::cli::records::folder::open_store;
 use crate::cli::scenes::files;
 use crate::cli::studies::suite_drive::{
-    Answered, Driven, Kept, Recorded, Running, answers_beside, drive_own, drive_planner, drive_recorded,
-    recording_beside, wheel_of,
+    Answered, Driven, Kept, Recorded, Running, drive_own, drive_planner, drive_recorded, recording_beside, wheel_of,
 };
 use crate::cli::studies::suite_driver::TestDriver;
+use crate::cli::studies::suite_file::answers_beside;
 use crate::cli::studies::suite_freeze::Limits;
 use crate::cli::studies::suite_stage::Stage;
 use crate::cli::studies::{suite_file, suite_page, suite_text};

@@ -234,19 +234,19 @@ fn check_log(plant: &Plant, reported: &ReportedRollout) -> Result<(), ReportedEr
 fn check_ways(plant: &Plant, intervention: &Intervention, reported: &ReportedRollout) -> Result<(), ReportedError> {
     let commanded = super::reported::adversaries_of(intervention);
     for (i, actor) in reported.actors.iter().enumerate().filter(|(_, actor)| !commanded.contains(&actor.who)) {
-        let told = actor.poses.iter().enumerate();
-        let told = told.filter_map(|(row, pose)| Some((row + actor.from_step, pose.as_ref()?.sample)));
+        let there = actor.poses.iter().enumerate();
+        let there = there.filter_map(|(row, pose)| Some((row + actor.from_step, pose.as_ref()?.sample)));
         let ActorRef::Track(track) = actor.who else { continue };
         let mut last: Option<(usize, Sample)> = None;
-        for (row, sample) in told {
+        for (row, sample) in there {
             let recorded = || plant.scene().tracks[track].at(plant.first_step() + row);
             if let Some((since, from)) = last.or_else(|| Some((row, *recorded()?))) {
                 let seconds =
                     if since == row { 0.0 } else { (row - since - 1) as f64 * DT_S + seconds_to(reported, row) };
-                let told_mps = from.speed_mps().max(sample.speed_mps()).min(TRAFFIC_MPS);
+                let reported_mps = from.speed_mps().max(sample.speed_mps()).min(TRAFFIC_MPS);
                 let most_m = match row - since {
                     0 => JOINS_M,
-                    1 => TRAFFIC_SLACK_M + seconds * told_mps,
+                    1 => TRAFFIC_SLACK_M + seconds * reported_mps,
                     // MetaDrive takes some away and puts them elsewhere.
                     _ => JOINS_M + seconds * TRAFFIC_MPS,
                 };

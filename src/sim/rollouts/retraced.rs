@@ -29,11 +29,11 @@ pub fn retraced(plant: &Plant, intervention: &Intervention, reported: &ReportedR
     let driven = tell(plant, intervention, &mut Retracing { reported })?;
     let differs =
         |place: String, expected: String, found: String| Err(ReportedError::Motion { place, expected, found });
-    for (row, (is, told)) in driven.ego.iter().zip(&reported.ego).enumerate() {
-        if apart(is, told) > EGO_APART {
+    for (row, (is, was)) in driven.ego.iter().zip(&reported.ego).enumerate() {
+        if apart(is, was) > EGO_APART {
             let alone = reported.controls.is_empty();
             let why = if alone { "where a car within its limits comes" } else { "where its recorded controls lead" };
-            return differs(format!("ego, row {row}"), format!("{}, {why}", at(is)), at(told));
+            return differs(format!("ego, row {row}"), format!("{}, {why}", at(is)), at(was));
         }
     }
     let ended = |of: &ReportedRollout| {
@@ -50,16 +50,16 @@ pub fn retraced(plant: &Plant, intervention: &Intervention, reported: &ReportedR
     if users(&driven) != users(reported) {
         return differs("road_users".into(), format!("{:?}", users(&driven)), format!("{:?}", users(reported)));
     }
-    for (i, (is, told)) in driven.actors.iter().zip(&reported.actors).enumerate() {
-        for (row, (is, told)) in is.poses.iter().zip(&told.poses).enumerate() {
-            let same = match (is, told) {
-                (Some(is), Some(told)) => apart(is, told) <= OTHERS_APART,
-                (is, told) => is.is_none() && told.is_none(),
+    for (i, (is, was)) in driven.actors.iter().zip(&reported.actors).enumerate() {
+        for (row, (is, was)) in is.poses.iter().zip(&was.poses).enumerate() {
+            let same = match (is, was) {
+                (Some(is), Some(was)) => apart(is, was) <= OTHERS_APART,
+                (is, was) => is.is_none() && was.is_none(),
             };
             if !same {
                 let place = format!("road_users[{i}], row {}", row + reported.actors[i].from_step);
                 let say = |pose: &Option<Pose>| pose.as_ref().map_or("nobody".into(), at);
-                return differs(place, say(is), say(told));
+                return differs(place, say(is), say(was));
             }
         }
     }

@@ -480,6 +480,7 @@ mod tests {
             looks.fetch_add(1, Ordering::Relaxed) < 5000
         };
         let exchange = Exchange::open(dir.path(), "nobody", Arc::new(pause), Arc::new(|_| ())).unwrap();
+        exchange.desk.number(&request(0)).unwrap();
         std::fs::create_dir(dir.path().join("1.reply.txt")).unwrap();
         std::thread::scope(|scope| {
             let asked = [0, 1].map(|slot| {

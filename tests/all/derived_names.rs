@@ -93,8 +93,7 @@ fn a_shards_worker_goes_on_in_its_own_folder_alone() {
     let planned = run(&["shard", "plan", path.to_str().unwrap(), "--out", out.to_str().unwrap()]);
     assert_eq!(planned.code, 0, "{}", planned.stderr);
     let shards = folder_below(&out).join("shards");
-    let shard = files(&shards, ".shard")[0].0.clone();
-    let shard = shards.join(shard);
+    let shard = shards.join(&files(&shards, ".shard")[0].0);
     let scratch = shards.join(format!(".{}.work", &shard.file_stem().unwrap().to_string_lossy()[..16]));
     theirs(&scratch.join("log"));
     let work = || Ran::of(evodrive().args(["shard", "work"]).arg(&shard));

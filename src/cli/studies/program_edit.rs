@@ -32,9 +32,9 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         false => ProgramFile::read(path)?.to_toml().map_err(Failure::bad_input)?,
     };
     let editor = editor(path)?;
-    if !store::write_new(&draft, format!("{HEAD}{before}").as_bytes())?
-        && !(store::is_plain_file(&draft)? && text_of(&draft)?.starts_with(HEAD))
-    {
+    let is_own = store::write_new(&draft, format!("{HEAD}{before}").as_bytes())?
+        || store::is_plain_file(&draft)? && text_of(&draft)?.starts_with(HEAD);
+    if !is_own {
         let (expected, found) = ("no file, or a draft of this command", "one that does not begin as its drafts do");
         return Err(StoreError::Foreign { path: draft, expected, found }.into());
     }

@@ -262,9 +262,11 @@ fn request() -> Vec<u8> {
     let scene = pool::decode("seed.pool", &pooled()).unwrap().scenes.swap_remove(0);
     let plant = Plant::new(&scene).unwrap();
     let (first_step, steps) = (plant.first_step(), plant.steps());
+    let sample = scene.ego.track.samples[0];
+    let away = json!({"who": {"track": 0}, "kind": "vehicle", "length_m": 4.5, "width_m": 1.9, "samples": [sample, null, sample]});
     json!({
         "request": Digest::of_bytes(b""), "scene": scene, "first_step": first_step, "steps": steps, "ego": "idm", "seed": 7,
-        "adversaries": [], "options": {"plant": "physical"},
+        "adversaries": [away], "options": {"plant": "physical"},
     })
     .to_string()
     .into_bytes()

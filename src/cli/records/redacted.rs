@@ -40,7 +40,8 @@ fn redacted_with(text: &str, environment: &[(String, String)]) -> String {
     let (mut out, mut is_named) = (String::with_capacity(text.len()), false);
     for word in text.split_inclusive(ends_word) {
         let bare = word.trim_end_matches(ends_word);
-        match short.contains(&bare) || is_named && bare.len() >= SECRET_CHARS_MIN && bare != KEY {
+        let within = bare.trim_matches(|c: char| c.is_ascii_punctuation());
+        match short.contains(&within) || is_named && bare.len() >= SECRET_CHARS_MIN && bare != KEY {
             true => out.extend([KEY, &word[bare.len()..]]),
             false => out.push_str(&without_key(word)),
         }
@@ -102,7 +103,7 @@ mod tests {
         // A key behind its name, whoever set it, and a short one as a whole word.
         let short = [("DB_PASSWORD", "hunter2")].map(|(n, v)| (n.into(), v.into()));
         assert_eq!(
-            redacted_with("API_KEY=abcd1 my-token='xyz12' max_tokens=25600 hunter2 hunter22 KeyError: 'speed'", &short),
+            redacted_with("API_KEY=abcd1 my-token='xyz12' max_tokens=25600 hunter2; hunter22 KeyError: 'speed'", &short),
             "API_KEY=[key] my-token='[key]' max_tokens=25600 [key] hunter22 KeyError: 'speed'"
         );
         assert_eq!(redacted_with("token=ghp_0123456789 C:\\Users\\eve\\x", &[]), "token=[key] C:~\\x");

@@ -103,7 +103,10 @@ mod tests {
         // A key behind its name, whoever set it, and a short one as a whole word.
         let short = [("DB_PASSWORD", "hunter2")].map(|(n, v)| (n.into(), v.into()));
         assert_eq!(
-            redacted_with("API_KEY=abcd1 my-token='xyz12' max_tokens=25600 hunter2; hunter22 KeyError: 'speed'", &short),
+            redacted_with(
+                "API_KEY=abcd1 my-token='xyz12' max_tokens=25600 hunter2; hunter22 KeyError: 'speed'",
+                &short
+            ),
             "API_KEY=[key] my-token='[key]' max_tokens=25600 [key] hunter22 KeyError: 'speed'"
         );
         assert_eq!(redacted_with("token=ghp_0123456789 C:\\Users\\eve\\x", &[]), "token=[key] C:~\\x");

@@ -49,19 +49,14 @@ const TRIALS: [(&str, &str, Trial); 24] = [
     ("run folders", "cost", emptied_cost),
 ];
 
-/// The marks of the table in docs/QUALITY.md: entrance and check.
+/// The list in docs/QUALITY.md: entrance and check.
 fn listed() -> Vec<(String, String)> {
     let page = text("docs/QUALITY.md");
     let (_, rest) = page.split_once("## Entrances").expect("the section");
-    let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().to_string()).collect::<Vec<_>>();
-    let mut rows = rest.lines().filter(|line| line.starts_with('|')).map(cells);
-    let checks: Vec<String> = rows.next().expect("a head");
-    let marks = rows.skip(1).flat_map(|row| {
-        let marked: Vec<_> =
-            (1..row.len()).filter(|k| row[*k] == "yes").map(|k| (row[0].clone(), checks[k].clone())).collect();
-        marked
-    });
-    marks.collect()
+    let lines = rest.lines().skip_while(|line| !line.starts_with("- ")).map_while(|line| line.strip_prefix("- "));
+    let rows = lines.map(|line| line.split_once(": ").expect("an entrance and its checks"));
+    rows.flat_map(|(entrance, checks)| checks.split(", ").map(|check| (entrance.to_string(), check.to_string())))
+        .collect()
 }
 
 #[test]

@@ -132,14 +132,14 @@ impl Live {
     }
 
     /// Where an answer without content holds text, and what to do; empty where it holds none. Told once where such answers are kept.
-    fn aside(&self, said: &Said) -> String {
-        let Some(aside) = said.aside else { return String::new() };
+    fn aside(&self, said: &Said) -> Box<str> {
+        let Some(aside) = said.aside else { return Box::default() };
         let words = advice::aside(aside);
         let kept = self.options.incomplete_replies == IncompleteReplies::Keep;
         if kept && !self.told_of_aside.swap(true, Ordering::Relaxed) {
             (self.outside.tell)(&format!("warning: models.{}: an answer is empty{words}", self.name));
         }
-        words
+        words.into()
     }
 
     /// Why it is not asked again, with what to change where the server's words tell.

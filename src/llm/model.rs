@@ -174,7 +174,7 @@ pub enum ModelError {
         /// Why the answer ended, in the provider's word.
         finish_reason: String,
         /// Where text stands that is no reply, and what to do; empty where there is none.
-        aside: String,
+        aside: Box<str>,
     },
     /// An answer without content.
     #[error("the answer of {address} is empty (finish reason {finish_reason}){aside}; {INCOMPLETE}")]
@@ -184,7 +184,7 @@ pub enum ModelError {
         /// Why the answer ended, in the provider's word.
         finish_reason: String,
         /// Where text stands that is no reply, and what to do; empty where there is none.
-        aside: String,
+        aside: Box<str>,
     },
     /// An answer of which nobody can say that it is whole.
     #[error("the answer of {address} is incomplete: {reason}; {INCOMPLETE}")]

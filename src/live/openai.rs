@@ -100,8 +100,8 @@ fn whole_prompt(prompt: u64, cached: u64, written: u64, total: Option<u64>) -> u
     let of_caches = cached.saturating_add(written);
     let with = |left_out: u64| prompt.saturating_add(left_out);
     let fits = |input: &u64| *input >= of_caches && Some(*input) == total;
-    let told = [0, cached, written, of_caches].into_iter().map(with).find(fits);
-    told.unwrap_or(if of_caches > prompt { with(of_caches) } else { prompt })
+    let fitting = [0, cached, written, of_caches].into_iter().map(with).find(fits);
+    fitting.unwrap_or(if of_caches > prompt { with(of_caches) } else { prompt })
 }
 
 /// An answer without a choice: Azure and Gemini say so where a filter let no answer through.

@@ -217,7 +217,7 @@ fn null_search(seed: u64, programs: usize, redrawn: usize) -> RecordedRun {
         let groups = TrafficFamily::ALL.into_iter().flat_map(|family| (4..8).map(move |route| (family, route)));
         let four = groups.flat_map(|group| [group; 4]);
         let staged = four.map(|group| {
-            let mut run = drive(stream.chance(0.04));
+            let mut run = drive(stream.chance(0.07));
             run.realism.sub_scores[0] = stream.unit();
             StagedRun { scene: group.0.name().into(), group, run, acted: true }
         });
@@ -524,7 +524,7 @@ fn seeds_of_one_search_share_a_row() {
         (result.group, result.replica) = (LineageId::new("advsim-idm"), replica);
     }
     for table in [safebench_main(&[made.clone()]).unwrap(), safebench_rounds(&[made.clone()]).unwrap()] {
-        assert!(from_their_parts(&table, &[made.clone()]) >= 13);
+        assert!(from_their_parts(&table, &[made.clone()]) >= 9);
     }
     let table = safebench_main(&[made]).unwrap();
     let advsim = table.rows().next().unwrap();

@@ -42,7 +42,7 @@ pub enum Which {
     MetadriveReadings,
     /// MetaDrive: gains at floors of realism, in absolute areas, and over null searches; name the search first.
     MetadriveGains,
-    /// SafeBench: one row per generator, the parent's scenes against those after the last round.
+    /// SafeBench: one row per generator, its parent drawn as often against what the search keeps.
     SafebenchMain,
     /// SafeBench: every round by traffic family, one part per generator.
     SafebenchRounds,

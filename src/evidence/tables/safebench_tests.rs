@@ -214,7 +214,7 @@ fn null_search(seed: u64, programs: usize, redrawn: usize) -> RecordedRun {
     let (lineage, parent) = (LineageId::new("advsim-idm"), SolutionId::new("advsim-idm/parent"));
     let mut stream = Seed(seed).stream(&["null search"]);
     let mut runs = || -> Vec<StagedRun> {
-        let groups = TrafficFamily::ALL.into_iter().flat_map(|family| (4..8).map(move |route| (family, route)));
+        let groups = TrafficFamily::ALL.into_iter().flat_map(|family| (4..12).map(move |route| (family, route)));
         let four = groups.flat_map(|group| [group; 4]);
         let staged = four.map(|group| {
             let mut run = drive(stream.chance(0.07));
@@ -237,13 +237,14 @@ fn null_search(seed: u64, programs: usize, redrawn: usize) -> RecordedRun {
     made
 }
 
-/// Of twenty such searches nearly all say that nothing was gained. Beside a parent that is drawn once they would all gain.
+/// Of twenty such searches nearly all say that nothing was gained: fewer than 16 would be one case in a hundred where intervals of eight
+/// routes a family hold what they should in 93 %. Beside a parent that is drawn once they would all gain.
 #[test]
 fn a_search_that_draws_its_parent_again_gains_nothing() {
-    let holding = |redrawn: usize| {
+    let holding = |searches: u64, redrawn: usize| {
         let mut holding =
             BTreeMap::from(["attack_change_pct", "cr_change_pp", "os_change_pp", "ars_change_pp"].map(|key| (key, 0)));
-        for seed in 0..20 {
+        for seed in 0..searches {
             let table = safebench_main(&[null_search(seed, 12, redrawn)]).unwrap();
             for (key, count) in &mut holding {
                 let [low, high] = ours(&table, &["AS", "IDM"], key).interval.unwrap();
@@ -252,9 +253,11 @@ fn a_search_that_draws_its_parent_again_gains_nothing() {
         }
         holding
     };
-    let (as_often, once) = (holding(12), holding(1));
-    assert!(as_often.values().all(|count| *count >= 17), "{as_often:?}");
-    assert!(once.values().all(|count| *count <= 3), "{once:?}");
+    let (as_often, once) = (holding(20, 12), holding(5, 1));
+    assert!(as_often.values().all(|count| *count >= 16), "{as_often:?}");
+    // Realism decides between runs of one outcome only, so its change is less sure.
+    let attack = once.iter().filter(|(key, _)| **key != "ars_change_pp");
+    assert!(attack.into_iter().all(|(_, count)| *count == 0), "{once:?}");
 }
 
 #[test]

@@ -373,8 +373,8 @@ fn notes(runs: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
         "Parent is what balanced selection keeps of the parent's scenes (round 0), Evolved what it keeps of all scenes up to \
          the last round, the same number for each group of family and route. The best few of many runs are ahead of all runs of a \
          parent whatever made them. So the parent is redrawn: it takes the place of every program that was labelled, on the same \
-         scenes with other random numbers, and the same rules keep and choose. Change is Evolved against that, and so is no part of the \
-         paper's own change, which is against its parent. It is the archive's, put together group by group from many programs on the \
+         scenes with other random numbers, and the same rules keep and choose. Change is Evolved against that, where the \
+         paper's own change is against its parent. It is the archive's, put together group by group from many programs on the \
          scenes that evolution saw; what the one chosen program does on held-out routes is in the table safebench-held-out. PF-Area@3 is \
          the mean over groups, 0 for one without an eligible descendant; a group whose parent scenes have less frontier area than the \
          experiment's epsilon_pf, as those without a collision, is divided by that epsilon instead, a choice of ours that the paper does \

@@ -295,6 +295,11 @@ fn what_fits_no_convention_is_derived_or_told_with_the_option_that_reads_it() {
         "half a second between samples is what they say"
     );
 
+    // As of times that are double what they were: within the error that single samples may have of mph.
+    let double = northward(|state, mps| state["velocity"] = vec![json!([0.0, 2.0 * mps]); steps].into());
+    let (_, said) = read_value(&double, Conventions::default());
+    assert!(said.iter().any(|l| l.is_doubtful() && l.reason.contains("2.000 times")), "{said:?}");
+
     let askew = northward(|state, _| state["heading"] = vec![json!(0.7); steps].into());
     let (scene, said) = read_value(&askew, Conventions::default());
     let told = said.iter().find(|l| l.what == LeftOut::HEADINGS_DOUBTFUL).unwrap();

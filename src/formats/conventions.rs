@@ -7,7 +7,8 @@
 
 use super::derived;
 use super::import_error::shown;
-use super::log::{LogTrack, Parts, SampleTimes};
+use super::log::{LogTrack, Parts};
+pub use super::read_as::{Conventions, ReadAs};
 use crate::kernel::{Vec2, num};
 use crate::scene::consistency::stretch::{JUDGED_MIN, MOVING_MIN_MPS, Stretch, share_between, stretches};
 use crate::scene::consistency::{HEADING_LIMIT_DEG, VELOCITY_LIMIT, is_one_way};
@@ -118,40 +119,6 @@ impl Velocity {
     pub fn speed_mps(&self, theirs: f64) -> f64 {
         theirs * self.unit_mps
     }
-}
-
-/// How a field is read.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ReadAs {
-    /// As it is written, or in the one convention in which it surely is.
-    #[default]
-    Judged,
-    /// In the convention of this place in its table.
-    Known(usize),
-    /// Not at all: it is derived from places.
-    Derived,
-}
-
-impl ReadAs {
-    /// The convention that somebody names; what is written where the field is derived, `None` where it is to be judged.
-    pub fn named(self) -> Option<usize> {
-        match self {
-            ReadAs::Judged => None,
-            ReadAs::Known(convention) => Some(convention),
-            ReadAs::Derived => Some(0),
-        }
-    }
-}
-
-/// How the fields of a file's road users are read.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Conventions {
-    /// Times of samples, of formats that have times.
-    pub times: SampleTimes,
-    /// Headings.
-    pub headings: ReadAs,
-    /// Velocities.
-    pub velocities: ReadAs,
 }
 
 /// A road user as a file has it.
@@ -280,8 +247,8 @@ fn velocities_tally(tracks: &[Given<'_>]) -> Tally {
         for (stretch, own) in in_map.iter().zip(&in_own).filter(|(stretch, _)| stretch.moves()) {
             tally.add(VELOCITY_LIMIT, VELOCITIES_APART, |ix| {
                 let of = &VELOCITIES[ix];
-                let told = if of.own_frame { own.told } else { stretch.told } * of.unit_mps;
-                (stretch.differs(told), share_between(told, stretch.told))
+                let by_velocity = if of.own_frame { own.by_velocity } else { stretch.by_velocity } * of.unit_mps;
+                (stretch.differs(by_velocity), share_between(by_velocity, stretch.by_velocity))
             });
         }
     }
@@ -371,16 +338,16 @@ const PACE_APART: f64 = 0.06;
 
 /// The way by velocities in a convention against that by places, of all who move.
 fn pace(tracks: &[Given<'_>], ix: usize) -> f64 {
-    let (mut told_m, mut way_m) = (0.0, 0.0);
+    let (mut by_velocity_m, mut way_m) = (0.0, 0.0);
     for track in tracks.iter().filter(|track| !has_none(track.samples)) {
         // Turned or not, a velocity is as long.
         let all = stretches(track.times_s, track.samples, |sample| sample.velocity);
         for stretch in all.iter().filter(|stretch| stretch.moves()) {
-            told_m += stretch.told.norm() * VELOCITIES[ix].unit_mps;
+            by_velocity_m += stretch.by_velocity.norm() * VELOCITIES[ix].unit_mps;
             way_m += stretch.way.norm();
         }
     }
-    told_m / way_m
+    by_velocity_m / way_m
 }
 
 /// What is wrong with the velocities of one road user, in our convention.
@@ -398,12 +365,12 @@ pub fn wrong_velocities(track: &Given<'_>) -> Option<Wrong> {
     }
     let all = stretches(track.times_s, track.samples, |sample| sample.velocity);
     let moving: Vec<&Stretch> = all.iter().filter(|stretch| stretch.moves()).collect();
-    let off = moving.iter().filter(|stretch| stretch.differs(stretch.told) > VELOCITY_LIMIT).count();
+    let off = moving.iter().filter(|stretch| stretch.differs(stretch.by_velocity) > VELOCITY_LIMIT).count();
     if moving.len() < JUDGED_MIN || 2 * off <= moving.len() {
         return None;
     }
-    let one_way = moving.iter().filter(|stretch| is_one_way(stretch.way, stretch.told));
-    let times: Vec<f64> = one_way.map(|stretch| stretch.told.norm() / stretch.way.norm()).collect();
+    let one_way = moving.iter().filter(|stretch| is_one_way(stretch.way, stretch.by_velocity));
+    let times: Vec<f64> = one_way.map(|stretch| stretch.by_velocity.norm() / stretch.way.norm()).collect();
     let typical = num::quantile(&times, 0.5).unwrap_or(0.0);
     let steady = times.iter().filter(|of| (*of / typical - 1.0).abs() <= STEADY).count();
     Some(if steady as f64 >= SURE * moving.len() as f64 { Wrong::Times(typical) } else { Wrong::Nothing })

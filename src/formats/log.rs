@@ -1,7 +1,8 @@
 //! A scene as a log holds it, in the log's own coordinates and times: what all logged formats are read into.
 
 use super::centreline::Across;
-use super::conventions::Conventions;
+use super::read_as::Conventions;
+pub use super::read_as::SampleTimes;
 use crate::kernel::Vec2;
 use crate::scene::{AgentKind, LaneKind, LightState, Origin, Sample};
 
@@ -39,16 +40,6 @@ pub struct Log {
     pub lights: Vec<LogLight>,
     /// How headings and velocities are read; `None` takes them as they are, as in an export of ours.
     pub conventions: Option<Conventions>,
-}
-
-/// How the times of a log's samples are taken.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum SampleTimes {
-    /// As the log says; motion is resampled where they lie beside the grid of 0.1 s.
-    #[default]
-    Recorded,
-    /// One sample every so many seconds, whatever the log says.
-    Every(f64),
 }
 
 impl Log {

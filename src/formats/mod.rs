@@ -23,6 +23,7 @@ pub mod log;
 mod log_map;
 pub mod opendrive;
 pub mod openscenario;
+pub mod read_as;
 pub mod resample;
 pub mod safebench;
 pub mod scenarionet;

@@ -68,9 +68,9 @@ pub fn crossing(seed: u64, count: usize, steps: usize) -> Scene {
             [1.75, 5.25].map(|side| (Vec2::from_heading(heading).left() * -side, heading))
         })
         .collect();
-    let lanes = centres.iter().map(|(at, heading)| {
+    let lanes = centres.iter().enumerate().map(|(ix, (at, heading))| {
         let ahead = Vec2::from_heading(*heading) * reach;
-        narrow_lane(*at - ahead, *at + ahead)
+        Lane { id: format!("lane{ix}"), ..narrow_lane(*at - ahead, *at + ahead) }
     });
     let speed = stream.uniform(5.0, 11.0);
     let start = sample(-45.0, -1.75, 0.0, speed);

@@ -317,7 +317,7 @@ fn a_rollout_is_a_film_as_well_and_what_cannot_be_filmed_is_said() {
     assert!(film.starts_with(b"GIF89a"));
     assert_eq!(draw("again.gif", &["--jobs", "3"], None).1, Some(film), "the same bytes each time");
     for (file, more, path, expected) in [
-        ("one.avi", &[][..], None, "ends in .svg or .pdf (a strip), .gif or .mp4 (a film)"),
+        ("one.avi", &[][..], None, "expected a name that ends in .svg or .pdf or .gif or .mp4"),
         ("one", &[], None, "ends in .svg"),
         ("two.gif", &["--frames", "3"], None, "a film shows every step"),
         ("two.gif", &["--at", "2.0"], None, "a film shows every step"),

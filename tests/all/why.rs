@@ -131,7 +131,7 @@ fn the_summary_leads_to_a_number_by_a_command_that_works_as_it_is_typed() {
     let folder = finished().1.to_str().unwrap();
     let table = run(&["table", "metadrive-main", "--run", folder]).stdout;
     let crashes = table.lines().find(|line| line.starts_with("| Replay (no program)")).unwrap();
-    let rounded = replayed.split_whitespace().nth(4).unwrap();
+    let rounded = replayed.split_whitespace().nth(5).unwrap();
     assert!(rounded == "0.038" && crashes.contains(&format!(" {rounded} [")), "{replayed}\n{crashes}");
 }
 

@@ -186,7 +186,7 @@ fn steps_hold_the_observation_that_is_asked_for_and_an_action_by_it_drives_as_th
         assert!(question.get("observation").is_none());
         Ok(b"{\"action\": [0.0, 1.0]}".to_vec())
     });
-    assert!(said.contains("an action, which driver.observe"), "{said}");
+    assert!(said.contains("an action, which only driver.observe"), "{said}");
 }
 
 /// Abandons scenes with an odd number in their id at this decision, with this word.

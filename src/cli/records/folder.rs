@@ -409,15 +409,16 @@ fn names_a_run(path: &Path) -> bool {
 
 /// Opens a store; that its disk lacks locks is told once.
 pub fn open_store(dir: &Path) -> Result<Store, StoreError> {
-    Ok(told(dir, Store::open(dir)?))
+    Ok(announced(dir, Store::open(dir)?))
 }
 
 /// The same for who only looks at a finished run.
 pub fn open_store_to_look(dir: &Path) -> Result<Store, StoreError> {
-    Ok(told(dir, Store::open_to_look(dir)?))
+    Ok(announced(dir, Store::open_to_look(dir)?))
 }
 
-fn told(dir: &Path, store: Store) -> Store {
+/// Says once that a store's disk lacks locks.
+fn announced(dir: &Path, store: Store) -> Store {
     static TOLD: std::sync::Once = std::sync::Once::new();
     if store.opening().without_index_locks {
         TOLD.call_once(|| {

@@ -113,12 +113,12 @@ fn typical(values: &[f64]) -> Option<f64> {
 
 fn velocity(seen: &Seen<'_>) -> Option<f64> {
     let moving = seen.stretches.iter().filter(|stretch| stretch.moves());
-    typical(&moving.map(|stretch| stretch.differs(stretch.told)).collect::<Vec<_>>())
+    typical(&moving.map(|stretch| stretch.differs(stretch.by_velocity)).collect::<Vec<_>>())
 }
 
 fn pace(seen: &Seen<'_>) -> Option<f64> {
-    let one_way = seen.stretches.iter().filter(|s| s.moves() && is_one_way(s.way, s.told));
-    let times = one_way.map(|s| s.told.norm() / s.way.norm()).map(|times| times.max(1.0 / times));
+    let one_way = seen.stretches.iter().filter(|s| s.moves() && is_one_way(s.way, s.by_velocity));
+    let times = one_way.map(|s| s.by_velocity.norm() / s.way.norm()).map(|times| times.max(1.0 / times));
     typical(&times.collect::<Vec<_>>())
 }
 

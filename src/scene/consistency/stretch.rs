@@ -25,7 +25,7 @@ pub struct Stretch {
     /// From its first place to its last, metres.
     pub way: Vec2,
     /// The way that the velocities give, metres.
-    pub told: Vec2,
+    pub by_velocity: Vec2,
 }
 
 impl Stretch {
@@ -36,12 +36,12 @@ impl Stretch {
 
     /// Whether somebody moves, by places or by velocities.
     pub fn moves(&self) -> bool {
-        self.way_mps().max(self.told.norm() / self.span_s) >= MOVING_MIN_MPS
+        self.way_mps().max(self.by_velocity.norm() / self.span_s) >= MOVING_MIN_MPS
     }
 
     /// How far a way by velocities differs from that by places, as a share of the longer one.
-    pub fn differs(&self, told: Vec2) -> f64 {
-        share_between(self.way, told)
+    pub fn differs(&self, by_velocity: Vec2) -> f64 {
+        share_between(self.way, by_velocity)
     }
 
     /// Angle between a heading and the motion, radians, from 0 to pi.
@@ -70,10 +70,10 @@ pub fn stretches(times_s: &[f64], samples: &[Option<Sample>], velocity: impl Fn(
         })
         .collect();
     // The way by velocities from the first sample on, and where the last gap before a sample ends.
-    let (mut told, mut whole_from) = (vec![Vec2::ZERO; known.len()], vec![0; known.len()]);
+    let (mut by_velocity, mut whole_from) = (vec![Vec2::ZERO; known.len()], vec![0; known.len()]);
     for k in 1..known.len() {
         let ((_, before_s, _, before), (_, time_s, _, now)) = (known[k - 1], known[k]);
-        told[k] = told[k - 1] + (before + now) * (0.5 * (time_s - before_s));
+        by_velocity[k] = by_velocity[k - 1] + (before + now) * (0.5 * (time_s - before_s));
         whole_from[k] = if time_s - before_s > GAP_MAX_S { k } else { whole_from[k - 1] };
     }
     let mut stretches = Vec::new();
@@ -90,7 +90,7 @@ pub fn stretches(times_s: &[f64], samples: &[Option<Sample>], velocity: impl Fn(
                 middle: known[usize::midpoint(from, to)].0,
                 span_s: known[to].1 - known[from].1,
                 way: known[to].2 - known[from].2,
-                told: told[to] - told[from],
+                by_velocity: by_velocity[to] - by_velocity[from],
             });
         }
     }
@@ -113,7 +113,7 @@ mod tests {
         let all = stretches(&times, &samples, |s| s.velocity);
         assert_eq!(all.len(), 30);
         for stretch in &all {
-            assert!(stretch.differs(stretch.told) < 1e-3 && stretch.moves(), "{stretch:?}");
+            assert!(stretch.differs(stretch.by_velocity) < 1e-3 && stretch.moves(), "{stretch:?}");
             assert!(stretch.askew_rad(0.4 * times[stretch.middle]) < 1e-6, "{stretch:?}");
         }
         samples[12..18].fill(None);

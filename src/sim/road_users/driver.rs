@@ -169,9 +169,10 @@ fn beside(lane: &Path, point: Vec2) -> Along {
 /// Whether two lanes are one to CARLA, which compares road and lane: the sections into which OpenDRIVE cuts a road, `road/section/lane`
 /// in an id, do not count.
 fn is_one_lane(road: &Road, a: LaneIx, b: LaneIx) -> bool {
-    let named = |lane: LaneIx| match road.lanes.get(lane)?.id.split('/').collect::<Vec<_>>()[..] {
-        [road, _, lane] => Some((road, lane)),
-        _ => None,
+    let named = |lane: LaneIx| {
+        let (road, rest) = road.lanes.get(lane)?.id.split_once('/')?;
+        let (_, lane) = rest.split_once('/')?;
+        (!lane.contains('/')).then_some((road, lane))
     };
     a == b || named(a).is_some_and(|of| named(b) == Some(of))
 }

@@ -676,9 +676,9 @@ fn a_forged_result_is_named_whoever_reads_it() {
         let due = if what == "no recordings" { 3 } else { 4 };
         assert!(code == due && board == due && found.contains(said), "{what}: {code}, {board}: {found}");
     }
-    let heads: [(&str, fn(&mut SuiteResult)); 2] = [
-        ("simulator", |of| of.simulator += 1),
-        ("suite", |of| of.suite.digest = evodrive::kernel::Digest::of_bytes(b"x")),
+    let heads: [(&str, Change<'_>); 2] = [
+        ("simulator", &|of: &mut SuiteResult| of.simulator += 1),
+        ("suite", &|of: &mut SuiteResult| of.suite.digest = evodrive::kernel::Digest::of_bytes(b"x")),
     ];
     for (what, change) in heads {
         let mut forged = own.result.clone();
@@ -831,7 +831,7 @@ fn killed_freezes_runs_and_leaderboards_come_to_the_same_files() {
     let (pool, planner) = (shared.path("few.pool"), planner.display().to_string());
     let arguments = |name: &str, out: &Path| -> Vec<String> {
         let out = |file: &str| out.join(file).display().to_string();
-        let words = match name {
+        match name {
             "freeze" => {
                 let fixed = ["suite", "freeze", "--scenes", &pool, "--per-family", "4", "--overwrite", "--out"];
                 [&fixed[..], &[&out("k.suite")], &PARENTS].concat().into_iter().map(String::from).collect()
@@ -854,8 +854,7 @@ fn killed_freezes_runs_and_leaderboards_come_to_the_same_files() {
             ]
             .map(String::from)
             .to_vec(),
-        };
-        words
+        }
     };
     let mut stream = evodrive::kernel::Seed(61).stream(&["kills"]);
     for name in ["freeze", "run", "leaderboard"] {
@@ -866,6 +865,7 @@ fn killed_freezes_runs_and_leaderboards_come_to_the_same_files() {
             command
         };
         std::fs::create_dir(&whole).unwrap();
+        #[allow(clippy::disallowed_methods)]
         let began = std::time::Instant::now();
         let ran = Ran::of(&mut command(&whole));
         let longest = began.elapsed();

@@ -196,7 +196,7 @@ fn the_main_table_is_worked_by_hand() {
     let advsim = table.rows().next().unwrap();
     assert_eq!((advsim.counts.as_slice(), advsim.proposals.as_str()), ([4, 4, 1, 0].as_slice(), "scripted"));
     assert!(advsim.notes.is_empty(), "{:?}", advsim.notes);
-    assert_eq!(from_their_parts(&table, &[made.clone()]), 19);
+    assert_eq!(from_their_parts(&table, std::slice::from_ref(&made)), 19);
     assert!(!markdown(&table).contains("Not redrawn"));
     let undrawn = safebench_main(&[recorded(&[&ADVSIM])]).unwrap();
     assert_eq!(cell(&undrawn, &row, "attack_change_pct").ours, None, "never against the parent's few runs");

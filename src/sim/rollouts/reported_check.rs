@@ -208,13 +208,17 @@ fn check_drive(plant: &Plant, reported: &ReportedRollout) -> Result<(), Reported
             ("m to the side", side_m, SIDE_SHARE * way_m + WAY_SLACK_M),
             ("m beside what its velocities say", explained_m, WAY_SLACK_M + LATE_S * before.max(after)),
         ];
-        // NaN is in no range.
-        if let Some((what, found, most)) = numbers.into_iter().find(|(_, found, most)| !(found <= most)) {
+        if let Some((what, found, most)) = numbers.into_iter().find(|(_, found, most)| is_beyond(*found, *most)) {
             let expected = format!("a car within its limits: at most {most:.2} {what} in {seconds:.2} s");
             return wrong(format!("ego, row {}", row + 1), expected, format!("{found:.2}"));
         }
     }
     Ok(())
+}
+
+/// Whether a number is above another; what is no number is in no range.
+fn is_beyond(found: f64, most: f64) -> bool {
+    found.is_nan() || most.is_nan() || found > most
 }
 
 /// An ego that repeats its recording is where that was.
@@ -251,7 +255,7 @@ fn check_ways(plant: &Plant, intervention: &Intervention, reported: &ReportedRol
                     _ => JOINS_M + seconds * TRAFFIC_MPS,
                 };
                 let way_m = from.position.distance(sample.position);
-                if !(way_m <= most_m) {
+                if is_beyond(way_m, most_m) {
                     let expected = format!("at most {most_m:.2} m of way since row {since}");
                     return wrong(format!("road_users[{i}], row {row}"), expected, format!("{way_m:.2} m"));
                 }

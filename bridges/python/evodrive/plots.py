@@ -1,5 +1,7 @@
 """Figures. They need matplotlib, which nothing else here does."""
 
+from .shown import shown
+
 
 def plot_front(run, lineage=None, ax=None):
     """Attack against realism of a run's lineages on its held-out scenes: parent, front (development labels) and the program
@@ -10,7 +12,7 @@ def plot_front(run, lineage=None, ax=None):
     chosen = [of for of in run.result["lineages"] if lineage in (None, of["lineage"])]
     if not chosen:
         known = ", ".join(of["lineage"] for of in run.result["lineages"])
-        raise ValueError(f"no lineage {lineage!r}, expected one of {known}")
+        raise ValueError(f"no lineage {shown(lineage)}, expected one of {known}")
     for of in chosen:
         (colour,) = {line.get_color() for line in ax.plot([], [])}
         at = {name: of[name]["objectives"] for name in ("parent", "evolved")}

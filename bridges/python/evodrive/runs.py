@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from .shown import shown
+
 
 class EvodriveError(RuntimeError):
     """A command that failed: its exit code (docs/RUNS.md lists them) and what it said."""
@@ -107,7 +109,7 @@ class Run:
     def table(self, name):
         """A table of docs/BUNDLES.md as a data frame, its columns typed as the dictionary says; missing values are NA."""
         if name not in self._tables:
-            raise EvodriveError(2, f"no table {name!r}, expected one of {', '.join(self._tables)}")
+            raise EvodriveError(2, f"no table {shown(name)}, expected one of {', '.join(self._tables)}")
         return self._tables[name].copy()
 
     def attempts(self):

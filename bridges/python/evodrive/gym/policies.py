@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import _evodrive
+from ..shown import shown
 from .scenarios import HeldOut, Scenarios, _driver
 
 _NAMES = "latent_pi.0, latent_pi.2 and mu, each with weight and bias"
@@ -33,7 +34,7 @@ def weights_of(actor: Any, observation: str = "metadrive-1", squash: str | None 
     if isinstance(actor, (bytes, str, os.PathLike)):
         _, weights = _driver(actor)
         if weights is None:
-            raise TypeError(f"{actor!r} is no policy with weights; expected a module, a model, arrays or a file of weights")
+            raise TypeError(f"{shown(actor)} is no policy with weights; expected a module, a model, arrays or a file of weights")
         found = _evodrive.weights_observation(weights)
         if found != observation:
             raise ValueError(f"the weights drive by {found}, expected {observation}")

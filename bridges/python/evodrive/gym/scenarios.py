@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from .. import _evodrive
+from ..shown import shown
 
 Path_ = str | os.PathLike
 
@@ -94,7 +95,7 @@ class Scenarios:
             raise ValueError(f"mix names {sorted(strange)}, expected some of {sorted(programs)}")
         is_policy = plan_around == "policy"
         if is_policy and not (isinstance(replan_every, int) and replan_every > 0):
-            raise ValueError(f"replan_every is {replan_every!r}; plan_around='policy' needs a number of steps, e.g. 200_000")
+            raise ValueError(f"replan_every is {shown(replan_every)}; plan_around='policy' needs a number of steps, e.g. 200_000")
         if replan_every is not None and not is_policy:
             raise ValueError("replan_every goes with plan_around='policy'; other drivers do not change")
         plan_around = os.fspath(plan_around)
@@ -146,4 +147,4 @@ def _driver(of):
     if isinstance(of, (str, os.PathLike)) and os.fspath(of).endswith(".safetensors"):
         with open(of, "rb") as file:
             return None, file.read()
-    raise ValueError(f"no driver {of!r}; expected one of {', '.join(_DRIVERS)}, or a file of weights that ends in .safetensors")
+    raise ValueError(f"no driver {shown(of)}; expected one of {', '.join(_DRIVERS)}, or a file of weights that ends in .safetensors")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gymnasium
 import numpy as np
 
+from ..shown import shown
 from . import spaces
 from .rewards import MetaDriveReward, SafeBenchReward
 from .scenarios import Scenarios
@@ -33,7 +34,7 @@ class AdversarialEnv(gymnasium.Env):
         width: int = 480,
     ):
         if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"render_mode is {render_mode!r}; expected None or 'rgb_array'")
+            raise ValueError(f"render_mode is {shown(render_mode)}; expected None or 'rgb_array'")
         if not 200 <= width <= 4000:
             raise ValueError(f"width is {width}; expected 200 to 4000 pixels")
         reward = MetaDriveReward() if reward is None else reward

@@ -7,6 +7,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from .. import _evodrive
+from ..shown import shown
 from . import spaces
 from .policies import weights_of
 from .rewards import MetaDriveReward, SafeBenchReward
@@ -34,7 +35,7 @@ _REPORTS = {
 def _mode(autoreset):
     name = autoreset.name.lower() if isinstance(autoreset, AutoresetMode) else autoreset
     if name not in _MODES:
-        raise ValueError(f"autoreset is {autoreset!r}; expected one of {', '.join(_MODES)}")
+        raise ValueError(f"autoreset is {shown(autoreset)}; expected one of {', '.join(_MODES)}")
     return name
 
 
@@ -213,9 +214,9 @@ def named_task(scenarios, options):
     names, ids = scenarios.program_names, scenarios.scenes
     program = names[0] if program is None else program
     if program not in names:
-        raise ValueError(f"no program {program!r}; expected one of {names}")
+        raise ValueError(f"no program {shown(program)}; expected one of {names}")
     if scene not in ids:
-        raise ValueError(f"no scene {scene!r} in the pool of {len(ids)}; expected one of {ids[:5]} ..")
+        raise ValueError(f"no scene {shown(scene)} in the pool of {len(ids)}; expected one of {ids[:5]} ..")
     return names.index(program), ids.index(scene)
 
 

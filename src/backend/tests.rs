@@ -146,22 +146,33 @@ fn a_worker_is_replaced_after_as_many_rollouts_as_declared() {
     assert_eq!([None, Some(3), Some(7), Some(1)].map(started), [1, 3, 1, 7]);
 }
 
+/// What our own worker says to a request whose line was changed.
+fn served(change: impl FnOnce(&mut serde_json::Value)) -> serde_json::Value {
+    let scene = crossing(4, 12, 91);
+    let (plant, act, options) = (plant(&scene, PlantOptions::PHYSICAL), intercept(&scene, 5), own("physical", 0));
+    let request = Request::new(&options, &plant, &act, &Policy::Idm, (Seed(1), Under::Plain)).unwrap();
+    let mut line = serde_json::from_str(&request.line()).unwrap();
+    change(&mut line);
+    serde_json::from_slice(&serve(line.to_string().as_bytes()).unwrap()).unwrap()
+}
+
 #[test]
 fn a_road_user_that_is_away_for_a_while_is_served_as_it_was_commanded() {
-    let scene = crossing(4, 12, 91);
-    let plant = plant(&scene, PlantOptions::PHYSICAL);
-    let act = intercept(&scene, 5);
-    let options = own("physical", 0);
-    let request = Request::new(&options, &plant, &act, &Policy::Idm, (Seed(1), Under::Plain)).unwrap();
-    let mut line: serde_json::Value = serde_json::from_str(&request.line()).unwrap();
-    for k in 2..4 {
-        line["adversaries"][0]["samples"][k] = serde_json::Value::Null;
-    }
-    let said = serve(line.to_string().as_bytes()).unwrap();
-    let said: serde_json::Value = serde_json::from_slice(&said).unwrap();
+    let said = served(|line| {
+        for k in 2..4 {
+            line["adversaries"][0]["samples"][k] = serde_json::Value::Null;
+        }
+    });
     assert!(said.get("failure").is_none(), "{said}");
     let there = |k: usize| !said["road_users"][0]["poses"][k].is_null();
     assert_eq!([0, 1, 2, 3, 4].map(there), [true, true, false, false, true]);
+}
+
+#[test]
+fn a_scene_that_breaks_a_rule_is_served_to_nobody() {
+    let said = served(|line| line["scene"]["tracks"][0]["length_m"] = 1e6.into());
+    let reason = said["failure"].as_str().unwrap_or_default();
+    assert!(reason.contains("breaks a rule of a sound scene") && reason.contains("length"), "{said}");
 }
 
 /// What is said when a worker answers so.

@@ -189,7 +189,7 @@ impl Tally {
 
     /// The convention of these that explains the file best, if it is not what is written.
     fn finding(&self, among: impl Fn(usize) -> bool) -> Option<Finding> {
-        let fitting: Vec<usize> = (1..self.each.len()).filter(|&ix| among(ix) && self.explains(ix)).collect();
+        let fitting: Vec<usize> = (1..self.each.len()).filter(|&ix| self.explains(ix) && among(ix)).collect();
         let error = |ix: usize| self.each[ix].error;
         // Errors of exact files are nothing but rounding.
         let rounding = 1e-9 * self.count as f64;
@@ -234,8 +234,10 @@ fn has_none(samples: &[Option<Sample>]) -> bool {
     samples.iter().flatten().all(|sample| sample.velocity == Vec2::ZERO)
 }
 
-fn velocities_tally(tracks: &[Given<'_>]) -> Tally {
+/// What the samples say, and the way by velocities as written against that by places, of all who move.
+fn velocities_tally(tracks: &[Given<'_>]) -> (Tally, f64) {
     let mut tally = Tally::of(VELOCITIES.len());
+    let (mut by_velocity_m, mut way_m) = (0.0, 0.0);
     // Where the heading is no number nobody knows an own frame: such a sample does not fit, and stays beside the others.
     let own = |sample: &Sample| {
         let turned = sample.velocity.rotated(sample.heading_rad);
@@ -245,6 +247,9 @@ fn velocities_tally(tracks: &[Given<'_>]) -> Tally {
         let in_map = stretches(track.times_s, track.samples, |sample| sample.velocity);
         let in_own = stretches(track.times_s, track.samples, own);
         for (stretch, own) in in_map.iter().zip(&in_own).filter(|(stretch, _)| stretch.moves()) {
+            // Turned or not, a velocity is as long.
+            by_velocity_m += stretch.by_velocity.norm();
+            way_m += stretch.way.norm();
             tally.add(VELOCITY_LIMIT, VELOCITIES_APART, |ix| {
                 let of = &VELOCITIES[ix];
                 let by_velocity = if of.own_frame { own.by_velocity } else { stretch.by_velocity } * of.unit_mps;
@@ -252,7 +257,7 @@ fn velocities_tally(tracks: &[Given<'_>]) -> Tally {
             });
         }
     }
-    tally
+    (tally, by_velocity_m / way_m)
 }
 
 /// How a field of some road users is read.
@@ -320,11 +325,14 @@ fn differ_somewhere(track: &Given<'_>, a: &Heading, b: &Heading) -> bool {
 
 /// How the velocities of some road users are read, whose headings are ours already; likewise.
 pub fn read_velocities(tracks: &[Given<'_>], whose: &str, known: usize) -> Read {
-    let tally = velocities_tally(tracks);
+    let (tally, pace) = velocities_tally(tracks);
     if known > 0 && tally.explains(known) {
         return Read { convention: known, note: None };
     }
-    let is_paced = |ix: usize| VELOCITIES[ix].unit_mps == 1.0 || (pace(tracks, ix) - 1.0).abs() <= PACE_APART;
+    let is_paced = |ix: usize| {
+        let unit_mps = VELOCITIES[ix].unit_mps;
+        unit_mps == 1.0 || (pace * unit_mps - 1.0).abs() <= PACE_APART
+    };
     if let Some(Finding { best, .. }) = tally.finding(is_paced) {
         let (Velocity { name, meaning, .. }, said) = (&VELOCITIES[best], tally.said(best));
         let reason = format!("those of {whose} read as {name} ({meaning}): {said}; --velocities written keeps them");
@@ -335,20 +343,6 @@ pub fn read_velocities(tracks: &[Given<'_>], whose: &str, known: usize) -> Read 
 
 /// How far the pace of all may be from that of a unit's name. Doubled times lie 11 % beside mph.
 const PACE_APART: f64 = 0.06;
-
-/// The way by velocities in a convention against that by places, of all who move.
-fn pace(tracks: &[Given<'_>], ix: usize) -> f64 {
-    let (mut by_velocity_m, mut way_m) = (0.0, 0.0);
-    for track in tracks.iter().filter(|track| !has_none(track.samples)) {
-        // Turned or not, a velocity is as long.
-        let all = stretches(track.times_s, track.samples, |sample| sample.velocity);
-        for stretch in all.iter().filter(|stretch| stretch.moves()) {
-            by_velocity_m += stretch.by_velocity.norm() * VELOCITIES[ix].unit_mps;
-            way_m += stretch.way.norm();
-        }
-    }
-    by_velocity_m / way_m
-}
 
 /// What is wrong with the velocities of one road user, in our convention.
 pub enum Wrong {

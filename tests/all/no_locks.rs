@@ -33,6 +33,14 @@ fn without(library: &Path, (folder, errno, flock): (&Path, &str, bool), args: &[
     Ran::of(if flock { &mut command } else { command.env("NO_FLOCK", "1") })
 }
 
+/// A library that takes locks away, beside an experiment and a run of it on a disk that has them; none where no compiler is.
+fn prepared(folder: &Path) -> Option<(PathBuf, Ran)> {
+    let library = preloaded(folder)?;
+    experiment(folder, "mine", "");
+    let record = ["record", "mine.toml", "--no-report", "--out", "plain"];
+    Some((library, Ran::of(evodrive().current_dir(folder).args(record))))
+}
+
 const TOLD: &str = "this disk has no fcntl locks";
 /// ENOLCK, ENOSYS, EOPNOTSUPP and EINVAL: what such mounts say.
 const ERRORS: [&str; 4] = ["37", "38", "95", "22"];
@@ -40,10 +48,7 @@ const ERRORS: [&str; 4] = ["37", "38", "95", "22"];
 #[test]
 fn a_run_goes_on_without_the_locks_of_fcntl_and_comes_to_the_same() {
     let dir = tempfile::tempdir().unwrap();
-    let Some(library) = preloaded(dir.path()) else { return };
-    experiment(dir.path(), "mine", "");
-    let plain =
-        Ran::of(evodrive().current_dir(dir.path()).args(["record", "mine.toml", "--no-report", "--out", "plain"]));
+    let Some((library, plain)) = prepared(dir.path()) else { return };
     for errno in ERRORS {
         let here = |args: &[&str]| without(&library, (dir.path(), errno, true), args);
         let ran =
@@ -71,10 +76,7 @@ fn a_run_goes_on_without_the_locks_of_fcntl_and_comes_to_the_same() {
 #[test]
 fn where_no_lock_is_to_be_had_that_is_said_with_what_helps_and_nothing_is_left() {
     let dir = tempfile::tempdir().unwrap();
-    let Some(library) = preloaded(dir.path()) else { return };
-    experiment(dir.path(), "mine", "");
-    let plain =
-        Ran::of(evodrive().current_dir(dir.path()).args(["record", "mine.toml", "--no-report", "--out", "plain"]));
+    let Some((library, plain)) = prepared(dir.path()) else { return };
     for errno in ERRORS {
         let here = |args: &[&str]| without(&library, (dir.path(), errno, false), args);
         for command in ["run", "record", "plan"] {

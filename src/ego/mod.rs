@@ -7,6 +7,7 @@ pub mod idm;
 pub mod learned;
 pub mod network;
 pub mod observation;
+pub mod pdm;
 pub mod policy;
 pub mod replay;
 pub mod weights;

@@ -7,6 +7,7 @@ use crate::sim::Driver;
 
 use super::idm::IdmDriver;
 use super::learned::LearnedDriver;
+use super::pdm::{self, PdmDriver};
 use super::replay::ReplayDriver;
 use super::weights::{Weights, WeightsError};
 
@@ -17,6 +18,8 @@ pub enum Policy {
     Idm,
     /// The same, but a red light on the route counts as a standing obstacle.
     IdmMindingLights,
+    /// PDM-Closed with its published constants.
+    Pdm,
     /// The ego's recorded motion.
     Replay,
     /// A network with frozen weights.
@@ -29,7 +32,7 @@ pub enum Policy {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PolicyError {
     /// The name is not known.
-    #[error("no ego policy is called {0:?}; there are idm, idm-lights, replay, learned, command")]
+    #[error("no ego policy is called {0:?}; there are idm, idm-lights, pdm, replay, learned, command")]
     Unknown(String),
     /// A learned policy was named without its weights.
     #[error("the ego policy `learned` needs its weights; name a file of policies/")]
@@ -46,6 +49,7 @@ impl FromStr for Policy {
         match name {
             "idm" => Ok(Policy::Idm),
             "idm-lights" => Ok(Policy::IdmMindingLights),
+            "pdm" => Ok(Policy::Pdm),
             "replay" => Ok(Policy::Replay),
             "learned" => Err(PolicyError::NoWeights),
             "command" => Err(PolicyError::NoProgram),
@@ -55,6 +59,9 @@ impl FromStr for Policy {
 }
 
 impl Policy {
+    /// The names that say all.
+    pub const NAMES: [&str; 4] = ["idm", "idm-lights", "pdm", "replay"];
+
     /// The policy `learned` with the bytes of a file of weights.
     pub fn learned(bytes: &[u8]) -> Result<Policy, WeightsError> {
         Weights::from_bytes(bytes).map(Policy::Learned)
@@ -65,6 +72,7 @@ impl Policy {
         match self {
             Policy::Idm => "idm",
             Policy::IdmMindingLights => "idm-lights",
+            Policy::Pdm => "pdm",
             Policy::Replay => "replay",
             Policy::Learned(_) => "learned",
             Policy::Command(_) => "command",
@@ -87,6 +95,7 @@ impl Policy {
         match self {
             Policy::Idm | Policy::Command(_) => Box::new(IdmDriver::new(false)),
             Policy::IdmMindingLights => Box::new(IdmDriver::new(true)),
+            Policy::Pdm => Box::new(PdmDriver::new(pdm::PUBLISHED)),
             Policy::Replay => Box::new(ReplayDriver),
             Policy::Learned(weights) => Box::new(LearnedDriver::new(weights)),
         }

@@ -59,7 +59,7 @@ fn family_names() -> Vec<String> {
 
 /// The drivers that a file can name.
 fn ego_names() -> Vec<String> {
-    words(["idm", "idm-lights", "replay", "learned", "command"])
+    words(["idm", "idm-lights", "pdm", "replay", "learned", "command"])
 }
 
 fn study() -> Vec<Key> {

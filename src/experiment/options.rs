@@ -210,7 +210,7 @@ pub struct BudgetOptions {
 pub struct LineageOptions {
     pub id: LineageId,
     pub family: FamilyName,
-    /// `idm`, `idm-lights`, `replay`, `learned` or `command`.
+    /// `idm`, `idm-lights`, `pdm`, `replay`, `learned` or `command`.
     pub ego: String,
     /// The weights of a learned ego.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -27,8 +27,8 @@ pub struct Starter {
     pub start: Option<PathBuf>,
     /// The planner that is the ego; IDM without.
     pub driver: Option<PlannerFile>,
-    /// The protocol's learned ego in place of IDM.
-    pub learned: bool,
+    /// `idm`, `pdm`, or `learned` for the protocol's learned ego; a driver takes its place.
+    pub ego: String,
     pub epochs: Option<i64>,
     pub slots: Option<i64>,
     /// Scenes that stay closed until evolution is over.
@@ -75,7 +75,8 @@ pub fn starter(starter: &Starter) -> Result<Started, ExperimentError> {
     }
     let (ego, suffix, against) = match &starter.driver {
         Some(_) => ("command", "mine", "a planner of one's own"),
-        None if starter.learned => ("learned", "sac", "a learned ego"),
+        None if starter.ego == "learned" => ("learned", "sac", "a learned ego"),
+        None if starter.ego == "pdm" => ("pdm", "pdm", "the PDM-Closed ego"),
         None => ("idm", "idm", "the IDM ego"),
     };
     let protocol = if staged { STAGED } else { "metadrive" };
@@ -102,7 +103,7 @@ pub fn starter(starter: &Starter) -> Result<Started, ExperimentError> {
     let _ = write!(text, "\n[budget]\nepochs = {epochs}\nslots = {slots}   # parallel proposals of an epoch\n");
     for name in &names {
         let _ = write!(text, "\n[[lineage]]\nid = \"{name}-{suffix}\"\nfamily = \"{name}\"\nego = \"{ego}\"\n");
-        if starter.learned {
+        if ego == "learned" {
             let policy = if staged { PUBLISHED } else { "evodrive:sac-metadrive" };
             let _ = writeln!(text, "policy = \"{policy}\"   # docs/EGOS.md; or weights of your own");
         }

@@ -8,6 +8,7 @@ use crate::cli::cluster::bench_env;
 use crate::cli::cluster::bench_ledger;
 use crate::cli::cluster::bench_observe::{Cost, Observer};
 use crate::cli::cluster::bench_shards;
+use crate::cli::studies::apply::driver;
 use crate::cli::terminal::{answer::Answer, exit::Failure, timed::timed};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -23,7 +24,7 @@ use crate::sim::{Intervention, Part, RolloutCost, SimError, rollout_counted, rol
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Simulate every scene of a pool with the IDM ego and one CAT adversary, with contacts and all metrics.
+    /// Simulate every scene of a pool with an ego and one CAT adversary, with contacts and all metrics.
     Sim(SimOptions),
     /// Step environments side by side, observations, rewards and resets included, as the Python package does.
     Env(bench_env::EnvOptions),
@@ -41,6 +42,9 @@ pub struct SimOptions {
     /// How often the whole pool is rolled out; the figures are medians.
     #[arg(long, default_value_t = 5)]
     pub repeats: usize,
+    /// Driver under test: idm, idm-lights, pdm, replay, or weights (.safetensors, or a name as evodrive:sac-metadrive).
+    #[arg(long, default_value = "idm")]
+    pub ego: String,
     /// Also roll the pool out with the adversaries under a law, and give the ratio of the two speeds.
     #[arg(long)]
     pub law: bool,
@@ -63,7 +67,7 @@ fn sim(options: &SimOptions, jobs: usize) -> Result<Answer, Failure> {
     let (pool, reading) = timed(|| read_scenes(&options.pool, &threads));
     // Shared, not copied: a pool is in memory once.
     let scenes: Vec<Arc<Scene>> = pool?.scenes.into_iter().map(Arc::new).collect();
-    let ego = Policy::Idm;
+    let ego = driver(&options.ego)?;
     let (prepared, preparing) = timed(|| stages(&scenes, &ego, options.law, &threads));
     let mut lawful: Vec<Intervention> = Vec::new();
     let stages: Vec<(Situation, Intervention)> = prepared
@@ -75,7 +79,7 @@ fn sim(options: &SimOptions, jobs: usize) -> Result<Answer, Failure> {
         })
         .collect();
     if stages.is_empty() {
-        return Err(Failure::bad_input("no scene of the pool can be simulated with the IDM ego"));
+        return Err(Failure::bad_input(format!("no scene of the pool can be simulated with the ego {}", options.ego)));
     }
     let mut seconds = Vec::new();
     let mut ratios = Vec::new();

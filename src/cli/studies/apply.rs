@@ -43,7 +43,7 @@ pub struct Options {
     /// Only the scene with this id; may be repeated.
     #[arg(long)]
     pub scene: Vec<String>,
-    /// Driver under test: idm, idm-lights, replay, or the weights of a learned one (a file that ends in .safetensors, or a name as
+    /// Driver under test: idm, idm-lights, pdm, replay, or the weights of a learned one (a file that ends in .safetensors, or a name as
     /// evodrive:sac-chatscene); without it the one that the program was evolved against.
     #[arg(long)]
     pub ego: Option<String>,
@@ -179,7 +179,7 @@ pub fn driver(name: &str) -> Result<Policy, Failure> {
             "the program was evolved against a planner, which is not in its file; name it: --driver planner.py, a program, or a .toml file with a table [driver]",
         ),
         PolicyError::Unknown(_) => {
-            let near = nearest(name, ["idm", "idm-lights", "replay"]);
+            let near = nearest(name, Policy::NAMES);
             Failure::bad_input(format!("{error}{}", near.map_or(String::new(), |near| format!("; did you mean {near}?"))))
         }
     })

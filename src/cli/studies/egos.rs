@@ -56,7 +56,11 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let held_out = split.held_out.iter().filter_map(|entry| pool.scene(&entry.id).cloned()).collect();
     let held_out = Pool::new(held_out, vec![]).map_err(Failure::internal)?;
     let lessons = lessons(&held_out, &experiment.simulator.rules(), &threads)?;
-    let mut egos = vec![("replay".to_string(), Policy::Replay), ("idm".to_string(), Policy::Idm)];
+    let mut egos = vec![
+        ("replay".to_string(), Policy::Replay),
+        ("idm".to_string(), Policy::Idm),
+        ("pdm".to_string(), Policy::Pdm),
+    ];
     let rules = experiment.simulator.rules();
     for lineage in experiment.lineages.iter().filter(|lineage| lineage.policy.is_some()) {
         let (name, policy) = (lineage.ego.clone(), lineage.driver().map_err(Failure::bad_input)?);

@@ -14,7 +14,10 @@ use crate::text::nearest;
 /// The driver that brakes and stands: what a crash rate is worth shows beside it.
 const STANDING: &str = "standing";
 /// Drivers that have a name.
-const NAMES: [&str; 4] = ["idm", "idm-lights", "replay", STANDING];
+const NAMES: [&str; 5] = {
+    let [idm, idm_lights, pdm, replay] = Policy::NAMES;
+    [idm, idm_lights, pdm, replay, STANDING]
+};
 
 /// Who drives.
 #[derive(Clone, Debug)]
@@ -34,7 +37,7 @@ impl TestDriver {
             || path.file_name().map_or_else(|| word.to_string(), |name| name.to_string_lossy().into_owned());
         match word {
             STANDING => Ok(TestDriver::Standing),
-            "idm" | "idm-lights" | "replay" => {
+            _ if Policy::NAMES.contains(&word) => {
                 Ok(TestDriver::Policy(word.to_string(), word.parse().map_err(Failure::internal)?))
             }
             _ if egos::is_weights(word) => Ok(TestDriver::Policy(file_name(), egos::learned(path)?)),

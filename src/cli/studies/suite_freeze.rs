@@ -47,7 +47,7 @@ pub struct Options {
     /// Pools, scenario files or folders.
     #[arg(long, num_args = 1.., required = true)]
     pub scenes: Vec<PathBuf>,
-    /// Whom the programs plan around, and of whom the labels are: idm, idm-lights, replay, weights (.safetensors), or a planner's
+    /// Whom the programs plan around, and of whom the labels are: idm, idm-lights, pdm, replay, weights (.safetensors), or a planner's
     /// file.
     #[arg(long, default_value = "idm")]
     pub driver: String,

@@ -36,7 +36,7 @@ use crate::text::nearest;
 pub struct Options {
     /// Suite file.
     pub suite: PathBuf,
-    /// Who drives: idm, idm-lights, replay, standing, weights (.safetensors), or a planner: a program, a .py file, or a .toml file
+    /// Who drives: idm, idm-lights, pdm, replay, standing, weights (.safetensors), or a planner: a program, a .py file, or a .toml file
     /// with a table [driver] (docs/EGOS.md).
     #[arg(long, required_unless_present = "recorded")]
     pub driver: Option<String>,

@@ -81,6 +81,9 @@ pub fn ego_sentence(ego: &Policy) -> &'static str {
             "idm: MetaDrive's TrajectoryIDMPolicy along its route; brakes for whoever is in its path, heeds no light"
         }
         "idm-lights" => "idm-lights: TrajectoryIDMPolicy along its route that also stops at red lights",
+        "pdm" => {
+            "pdm: PDM-Closed, which tries fifteen ways along its route against a forecast of everybody within 50 m"
+        }
         "command" => "command: a planner of its own; a fixed function of what it sees around it",
         "replay" => "replay: the recorded motion, blind to everybody",
         _ => "a fixed policy with frozen weights",

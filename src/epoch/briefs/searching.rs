@@ -176,6 +176,16 @@ pub fn ego_in_words(name: &str) -> &'static str {
              8.8 m/s^2 (from 11 m/s it stands after about 7 m), but for one that is about 2 m/s faster; standing, it \
              starts only if that body is 10 m or more ahead, centre to centre."
         }
+        "pdm" => {
+            "pdm follows its route's line or a line 1 m beside it, whichever of fifteen ways (three lines, five speeds \
+             up to the lane's limit, 15 m/s where there is none) scores best over the next 4 s. Each is driven behind \
+             whoever it will meet first in a strip of its own width (IDM with gaps of 1 m and 1.5 s, braking of at most \
+             3 m/s^2), and scored against a forecast of everybody within 50 m, on all sides, of whom each keeps speed \
+             and heading: contacts for which the ego would be at fault (not those from behind), leaving the road, driving \
+             against traffic, progress, contacts within 0.9 s ahead, comfort. It expects nobody to brake, turn or start; it \
+             stops at red lights; at 5 m/s or less a contact forecast within 2 s makes it brake fully. Whom it has touched \
+             it no longer sees. It decides every 0.1 s."
+        }
         "replay" => {
             "replay repeats its recorded motion whatever happens: it heeds nobody, never brakes or swerves for anyone, \
              and the recorded traffic repeats its log too, also behind it. So a followed candidate that is predicted \

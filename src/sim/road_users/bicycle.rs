@@ -101,8 +101,10 @@ const GRAVITY_MPS2: f64 = 9.81;
 const REACHED_M: f64 = 0.5;
 
 // Axle offsets of MetaDrive's default car (1.05234 m front, 1.4166 m rear) as shares of its length 4.515 m.
-const FRONT_SHARE: f64 = 1.05234 / 4.515;
-const REAR_SHARE: f64 = 1.4166 / 4.515;
+/// From the middle of the box to the front axle, as a share of its length.
+pub const FRONT_SHARE: f64 = 1.05234 / 4.515;
+/// From the rear axle to the middle of the box.
+pub const REAR_SHARE: f64 = 1.4166 / 4.515;
 
 /// A car in motion. It never drives backwards.
 #[derive(Clone, Copy, Debug, PartialEq)]

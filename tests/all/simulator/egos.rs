@@ -11,7 +11,7 @@ use evodrive::synth::{FamilyOptions, family_member};
 
 #[test]
 fn policies_are_found_by_their_names_and_differ_in_their_digests() {
-    let policies: Vec<Policy> = ["idm", "idm-lights", "replay"].iter().map(|n| n.parse().unwrap()).collect();
+    let policies: Vec<Policy> = Policy::NAMES.iter().map(|n| n.parse().unwrap()).collect();
     for (i, policy) in policies.iter().enumerate() {
         assert_eq!(policy.name().parse(), Ok(policy.clone()));
         assert!(policies[i + 1..].iter().all(|other| other.digest() != policy.digest()));

@@ -1,0 +1,152 @@
+//! What a proposal is worth: is nobody struck, does it stay on the road and in its direction, how far does it come, how near is
+//! a collision, is it comfortable (`PDMScorer`).
+
+use super::areas::{Areas, areas};
+use super::centreline::Centreline;
+use super::comfort::is_comfortable;
+use super::forecast::{ContactKind, Other, contact_kind, seen_at_rad};
+use super::settings::{AHEAD_RAD, BEHIND_RAD, OTHER_STANDS_MPS, PROGRESS_MIN_M, STATES, STEP_S, Settings};
+use super::simulated::{Car, State};
+use crate::kernel::OrientedBox;
+use crate::sim::Plant;
+
+/// A proposal as it was judged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Judgement {
+    /// Product of the multipliers and weighted mean of the rest, 0 to 1.
+    pub score: f64,
+    /// Seconds to the first contact for which the ego is at fault.
+    pub at_fault_s: Option<f64>,
+}
+
+/// What all proposals of a decision are judged by.
+pub struct Judge<'a> {
+    pub plant: &'a Plant,
+    /// Lanes of the route. `[lanes]`
+    pub on_route: &'a [bool],
+    pub centreline: &'a Centreline,
+    pub car: &'a Car,
+    pub others: &'a [Other],
+    pub settings: &'a Settings,
+}
+
+/// What is known of one proposal before it is held against the others.
+struct Parts {
+    multiplier: f64,
+    progress_m: f64,
+    is_far_from_collision: bool,
+    is_comfortable: bool,
+    at_fault_s: Option<f64>,
+}
+
+impl Judge<'_> {
+    /// The judgements, in the order of the proposals.
+    pub fn judged(&self, proposals: &[[State; STATES]]) -> Vec<Judgement> {
+        let parts: Vec<Parts> = proposals.iter().map(|states| self.parts(states)).collect();
+        let worth = |part: &Parts| part.progress_m * part.multiplier;
+        let best_m = parts.iter().map(worth).fold(0.0, f64::max);
+        let judged = |part: &Parts| {
+            let progress = if part.multiplier == 0.0 {
+                0.0
+            } else if best_m <= PROGRESS_MIN_M {
+                1.0
+            } else {
+                worth(part) / best_m
+            };
+            let of = self.settings;
+            let weights = of.progress_weight + of.time_to_collision_weight + of.comfort_weight;
+            let sum = of.progress_weight * progress
+                + of.time_to_collision_weight * f64::from(part.is_far_from_collision)
+                + of.comfort_weight * f64::from(part.is_comfortable);
+            Judgement { score: part.multiplier * sum / weights, at_fault_s: part.at_fault_s }
+        };
+        parts.iter().map(judged).collect()
+    }
+
+    fn parts(&self, states: &[State; STATES]) -> Parts {
+        let boxes = states.each_ref().map(|state| self.car.footprint(state.position, state.heading_rad));
+        let areas = boxes.each_ref().map(|own| areas(self.plant, self.on_route, own));
+        let (struck, at_fault_s) = self.collisions(states, &boxes, &areas);
+        let on_road = f64::from(!areas.iter().any(|area| area.off_road));
+        let (from_m, _) = self.centreline.project(boxes[0].center);
+        let (to_m, _) = self.centreline.project(boxes[STATES - 1].center);
+        Parts {
+            multiplier: struck * on_road * self.direction(&boxes, &areas),
+            progress_m: (to_m - from_m).max(0.0),
+            is_far_from_collision: self.is_far_from_collision(states, &boxes, &areas),
+            is_comfortable: is_comfortable(states, self.car.wheelbase_m, self.settings),
+            at_fault_s,
+        }
+    }
+
+    /// 0 where a road user is struck for which the ego is at fault, .5 where a thing is, else 1; and the time of the first.
+    fn collisions(
+        &self,
+        states: &[State; STATES],
+        boxes: &[OrientedBox; STATES],
+        areas: &[Areas; STATES],
+    ) -> (f64, Option<f64>) {
+        let (mut worth, mut first) = (1.0_f64, None);
+        for other in self.others.iter().filter(|other| !other.is_light) {
+            // Whoever is met once is met.
+            let meets = |k: &usize| boxes[*k].overlaps(&other.at_step(*k));
+            let Some(k) = (0..STATES).find(meets) else { continue };
+            let theirs = other.at_step(k);
+            let is_at_fault = match contact_kind(&boxes[k], states[k].position, states[k].speed_mps, other, &theirs) {
+                ContactKind::EgoStands | ContactKind::Rear => false,
+                ContactKind::OtherStands | ContactKind::Front => true,
+                ContactKind::Side => areas[k].in_several_lanes || areas[k].off_road,
+            };
+            if is_at_fault {
+                worth = worth.min(if other.is_agent { 0.0 } else { 0.5 });
+                let at_s = k as f64 * STEP_S;
+                first = Some(first.map_or(at_s, |before: f64| before.min(at_s)));
+            }
+        }
+        (worth, first)
+    }
+
+    /// 1, .5 or 0 by the longest way against traffic.
+    fn direction(&self, boxes: &[OrientedBox; STATES], areas: &[Areas; STATES]) -> f64 {
+        let (mut longest_m, mut way_m) = (0.0_f64, 0.0);
+        for k in 1..STATES {
+            way_m = if areas[k].oncoming { way_m + (boxes[k].center - boxes[k - 1].center).norm() } else { 0.0 };
+            longest_m = longest_m.max(way_m);
+        }
+        let [half_m, all_m] = self.settings.oncoming_m;
+        match longest_m {
+            way if way < half_m => 1.0,
+            way if way < all_m => 0.5,
+            _ => 0.0,
+        }
+    }
+
+    /// Whether nobody ahead would be met within a second if the ego went straight on.
+    fn is_far_from_collision(
+        &self,
+        states: &[State; STATES],
+        boxes: &[OrientedBox; STATES],
+        areas: &[Areas; STATES],
+    ) -> bool {
+        self.others.iter().filter(|other| !other.is_light).all(|other| {
+            for k in 0..STATES {
+                let (state, own) = (&states[k], &boxes[k]);
+                if state.speed_mps < OTHER_STANDS_MPS {
+                    continue;
+                }
+                for ahead_s in self.settings.collision_looks_s {
+                    let there = OrientedBox { center: own.center + own.axis * (state.speed_mps * ahead_s), ..*own };
+                    let theirs = other.at_step(k + (ahead_s / STEP_S + 0.5) as usize);
+                    if !there.overlaps(&theirs) {
+                        continue;
+                    }
+                    let seen_rad = seen_at_rad(own, state.position, &theirs);
+                    let is_off = areas[k].in_several_lanes || areas[k].off_road;
+                    // Whoever is met otherwise is not looked at again.
+                    return !(seen_rad < AHEAD_RAD || is_off && seen_rad <= BEHIND_RAD);
+                }
+            }
+            true
+        })
+    }
+}

@@ -32,7 +32,8 @@ pub enum Place {
 }
 
 /// The weights of learned egos that the program carries: name and file.
-const POLICIES: [(&str, &[u8]); 4] = [
+const POLICIES: [(&str, &[u8]); 5] = [
+    ("sac-safebench-2", include_bytes!("../../policies/sac-safebench-2.safetensors")),
     ("sac-chatscene", include_bytes!("../../policies/sac-chatscene.safetensors")),
     ("sac-safebench", include_bytes!("../../policies/sac-safebench.safetensors")),
     ("sac-metadrive", include_bytes!("../../policies/sac-metadrive.safetensors")),

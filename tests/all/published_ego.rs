@@ -11,9 +11,9 @@ fn here(folder: &std::path::Path, args: &[&str]) -> Ran {
 
 #[test]
 fn the_plain_rows_of_safebenchs_egos_are_the_goldens() {
-    let args =
-        ["egos", "experiments/safebench/all-idm.toml", "--policy", PUBLISHED, "--policy", "evodrive:sac-safebench"];
-    let ran = here(home(), &args);
+    let policies = [PUBLISHED, "evodrive:sac-safebench", "evodrive:sac-safebench-2"];
+    let args: Vec<&str> = policies.into_iter().flat_map(|name| ["--policy", name]).collect();
+    let ran = here(home(), &[&["egos", "experiments/safebench/all-idm.toml"], &args[..]].concat());
     assert_eq!(ran.code, 0, "{}", ran.stderr);
     assert_eq!(ran.stdout, text("golden/safebench/egos.txt"));
 }

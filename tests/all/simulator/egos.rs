@@ -183,14 +183,29 @@ fn published() -> Weights {
     Weights::from_bytes(include_bytes!("../../../policies/sac-chatscene.safetensors")).unwrap()
 }
 
+/// Steering and pedal that a network of four numbers gives.
+fn acts(weights: &Weights, seen: [f32; 4]) -> [f32; 2] {
+    let (mut values, mut spare) = (seen.to_vec(), Vec::new());
+    weights.actor.apply(&mut values, &mut spare);
+    [tanh(values[0]), tanh(values[1])]
+}
+
+#[test]
+fn an_ego_that_learned_among_traffic_brakes_behind_a_vehicle_and_one_that_met_none_does_not() {
+    let pedals = |bytes: &[u8]| {
+        let weights = Weights::from_bytes(bytes).unwrap();
+        [5.0, 6.0].map(|speed| [0.0, 1.0].map(|behind| acts(&weights, [0.0, 0.0, speed, behind])[1]))
+    };
+    let taught = pedals(include_bytes!("../../../policies/sac-safebench-2.safetensors"));
+    let alone = pedals(include_bytes!("../../../policies/sac-safebench.safetensors"));
+    assert!(taught.iter().all(|[free, behind]| *behind < -0.9 && *free > 0.0), "{taught:?}");
+    assert!(alone.iter().all(|[free, behind]| behind > &(free - 0.2)), "{alone:?}");
+}
+
 #[test]
 fn chatscenes_network_steers_back_to_the_route_and_slows_behind_a_vehicle() {
     let weights = published();
-    let acts = |seen: [f32; 4]| {
-        let (mut values, mut spare) = (seen.to_vec(), Vec::new());
-        weights.actor.apply(&mut values, &mut spare);
-        [tanh(values[0]), tanh(values[1])]
-    };
+    let acts = |seen| acts(&weights, seen);
     let steers = |offset, turn| acts([offset, turn, 6.0, 0.0])[0];
     assert!(steers(-1.0, 0.0) > steers(0.0, 0.0) && steers(0.0, 0.0) > steers(1.0, 0.0), "back from either side");
     assert!(steers(0.0, -0.1) > 0.3 && steers(0.0, 0.1) < -0.1, "a turn to the left is positive");

@@ -32,6 +32,10 @@ pub struct Decision {
     pub branches: Vec<String>,
     /// χ: what every filter on the ways walked removed, in their order.
     pub filters: Vec<FilterReport>,
+    /// Scenarios that the program simulated against the ego before it chose one: samples of its grid or template, queries of its search.
+    /// Told of SafeBench's scripts as they run (`simulator.scripts`), so that every older record stays as it was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub search_rollouts: Option<usize>,
 }
 
 /// One adversary.

@@ -67,7 +67,10 @@ pub(super) fn united(mut first: Flow, second: Flow) -> Flow {
         }
         match first.parts.iter_mut().find(|own| own.actor == part.actor) {
             // The contract's check has both ways come from one timing node.
-            Some(own) => own.candidates.append(&mut part.candidates),
+            Some(own) => {
+                own.candidates.append(&mut part.candidates);
+                own.simulated += part.simulated;
+            }
             None => first.parts.push(part),
         }
     }

@@ -13,7 +13,7 @@ use super::{
 use crate::kernel::{Digest, canon::CanonError};
 use crate::motion::Candidate;
 use crate::objects::{Counsel, OperatorNode, ParameterValue, Slot};
-use crate::sim::{Action, Intervention, Law};
+use crate::sim::{Action, Intervention, Law, Scripts};
 use crate::stage::{Part, Settings, Situation, Stage, StageError};
 
 /// The way through one graph in one scene.
@@ -184,7 +184,7 @@ impl<'p> Walk<'_, 'p> {
                 for (index, actor) in flow.actors.iter().enumerate() {
                     let place = (index, flow.actors.len());
                     let window = timing::window(stage.situation, *actor, place, kind, settings)?;
-                    let part = |window| Part { actor: *actor, window, candidates: vec![], offsets: None, driven: None };
+                    let part = |window| Part { actor: *actor, window, candidates: vec![], offsets: None, driven: None, simulated: 0 };
                     flow.parts.extend(window.map(part));
                 }
                 nothing(flow.parts.is_empty(), "no window of a second fits into the scene and the actor's log")
@@ -235,6 +235,8 @@ fn finish(
         }
     }
     decision.applies = true;
+    let counted = stage.situation.scene.staging.is_some() && stage.situation.plant.options().scripts == Scripts::AsRun;
+    decision.search_rollouts = counted.then(|| flow.parts.iter().map(|part| part.simulated).sum());
     Ok(Compiled { decision, intervention: Intervention { actions } })
 }
 

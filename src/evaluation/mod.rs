@@ -12,7 +12,7 @@ pub mod score;
 pub use crate::sim::ContactClass;
 pub use calibrate::{CalibrationError, calibrate};
 pub use evaluate::{EvaluationError, Labeller, SceneRef, Subject, evaluate, label_one};
-pub use metrics::safebench::SafebenchOptions;
+pub use metrics::safebench::{PreventableOptions, SafebenchOptions, StandingOptions};
 pub use metrics::{
     AttackOptions, AttackOptionsError, Calibration, EvaluationOptions, Limit, Limits, MetadriveOptions, OptionsError,
     OutcomeFormula, ProtocolError, PublishedReadings, RealismOptions, Weights, outcome_fields,

@@ -32,6 +32,17 @@ pub struct RolloutRecord {
     pub outcome: Outcome,
 }
 
+impl RolloutRecord {
+    /// How many scenarios the program simulated against the ego before it chose this one; `None` of a record that does not tell.
+    pub fn search_rollouts(&self) -> Option<u32> {
+        #[derive(Deserialize)]
+        struct Told {
+            search_rollouts: Option<u32>,
+        }
+        self.decision.read::<Told>().ok()?.search_rollouts
+    }
+}
+
 /// A JSON value as the text that was written: a run holds a hundred thousand of them and reads hardly any.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(transparent)]

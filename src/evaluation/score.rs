@@ -34,7 +34,7 @@ pub fn staged_scene_score(
     stored: Digest,
     options: &SafebenchOptions,
 ) -> Option<(SceneScore, SafebenchRun)> {
-    let run = SafebenchRun::of(&record.outcome, options)?;
+    let run = SafebenchRun::recorded(record, options)?;
     let [kinematics, map, interaction, distance] = run.realism.sub_scores;
     let valid = if run.realism.valid { 1.0 } else { 0.0 };
     let named = [

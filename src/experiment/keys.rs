@@ -165,6 +165,13 @@ fn study() -> Vec<Key> {
                 Any,
                 "A program file, as `evodrive program export` or `program new` writes it, relative to the file that names it: the lineage starts from its program.",
             ),
+            (
+                "lineage[].published",
+                "",
+                "",
+                Truth,
+                "For families advsim, adv_traj and chatscene: whether the lineage starts from the control sequences or optimised ranges that their authors publish, and searches nothing at first.",
+            ),
         ],
     ));
     keys.extend(table(
@@ -532,9 +539,15 @@ fn of_kind() -> Vec<Key> {
     let meaning = "Whether outcomes say what of a motion its kind does not do: slides, turns on the spot, speed (docs/OBJECTIVES.md).";
     let place =
         "Whether outcomes say where a motion's kind does not belong: a motorway, behind a kerb; goes with that weight.";
+    let scripts = "SafeBench's scripts: `as_run`, in which nobody stops and AT's family 1 rides a bicycle, or `as_defined`, with the stop \
+                   conditions that SafeBench calls nowhere and a pedestrian; that without it.";
     table(
         || Optional,
-        vec![("simulator.of_kind", "", "", Truth, meaning), ("simulator.of_place", "", "", Truth, place)],
+        vec![
+            ("simulator.of_kind", "", "", Truth, meaning),
+            ("simulator.of_place", "", "", Truth, place),
+            ("simulator.scripts", "", "", Word(|| words(["as_defined", "as_run"])), scripts),
+        ],
     )
 }
 
@@ -749,6 +762,25 @@ fn safebench() -> Vec<Key> {
                 "m",
                 BOUND,
                 "Farthest that anyone but a pedestrian may slide in a valid scene; needs `simulator.of_kind`.",
+            ),
+        ],
+    ));
+    keys.extend(table(
+        || With("evaluation.safebench.preventable.standing"),
+        vec![
+            (
+                "evaluation.safebench.preventable.standing.visible_s_min",
+                "",
+                "s",
+                BOUND,
+                "For how long the ego must have seen a body that stands, so that running into it counts: a careful driver's time to stop.",
+            ),
+            (
+                "evaluation.safebench.preventable.standing.speed_mps_min",
+                "",
+                "m/s",
+                BOUND,
+                "How fast whom the ego meets must once have been to count. With this table a body that stands has to have come to stand.",
             ),
         ],
     ));

@@ -18,7 +18,7 @@ use crate::llm::SpendCap;
 use crate::memory::{CurationOptions, MemoryOptions};
 use crate::objects::{FamilyName, LineageId, ParameterValue, Role, WorldConfiguration};
 use crate::scene::EvolutionSize;
-use crate::sim::{AvoidanceOptions, PlantOptions, SimulatorOptions};
+use crate::sim::{AvoidanceOptions, PlantOptions, Scripts, SimulatorOptions};
 use crate::synth::{FamilyOptions, SynthOptions};
 use crate::world::WorldAgentOptions;
 
@@ -97,6 +97,10 @@ pub struct Experiment {
     pub whole_text: String,
 }
 
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
 /// The table `[simulator]`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -109,6 +113,9 @@ pub struct SimulatorTable {
     /// Whether outcomes say where a motion's kind does not belong.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub of_place: bool,
+    /// Which form of SafeBench's scripts traffic families stage.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub scripts: Scripts,
     /// `None` stands for our own simulator, whether `evodrive` is written or nothing: then the digest is the same, too.
     #[serde(default, deserialize_with = "written_backend", skip_serializing_if = "Option::is_none")]
     pub backend: Option<BackendOptions>,
@@ -122,6 +129,7 @@ impl SimulatorTable {
             avoidance: self.avoidance,
             of_kind: self.of_kind,
             of_place: self.of_place,
+            scripts: self.scripts,
         }
     }
 }
@@ -221,6 +229,9 @@ pub struct LineageOptions {
     /// The program of another run that it starts from in place of its family's parent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub parent_program: Option<ParentProgram>,
+    /// Whether its parent is the one with the numbers that its family's authors published.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub published: bool,
     /// The program of the ego `command`, as the experiment's `[driver]` identifies it.
     #[serde(skip)]
     pub command: Option<Digest>,

@@ -7,8 +7,8 @@ use crate::adapters::Contract;
 use crate::evaluation::EvaluationOptions;
 use crate::families;
 use crate::llm::client;
-use crate::objects::{FamilyName, Role, WorldModel, world_audit::WORLD_LINE};
-use crate::stage::Asks;
+use crate::objects::{FamilyName, Program, Role, WorldModel, world_audit::WORLD_LINE};
+use crate::stage::{Asks, Sources};
 use crate::world;
 
 /// An experiment that fits the list of keys and still cannot be carried out.
@@ -101,7 +101,7 @@ fn lineages(experiment: &Experiment) -> Result<(), Problem> {
     if experiment.lineages.is_empty() {
         return Err(OptionError::new("lineage", "empty", "at least one [[lineage]]: a family and its ego").into());
     }
-    let registry = families::registry();
+    let sources = families::sources();
     let mut seen = BTreeSet::new();
     for (i, lineage) in experiment.lineages.iter().enumerate() {
         let id = lineage.id.as_str();
@@ -117,12 +117,13 @@ fn lineages(experiment: &Experiment) -> Result<(), Problem> {
         let unfit = |error| OptionError::new(place, format!("{:?}", lineage.ego), format!("a driver ({error})"));
         lineage.driver().map_err(unfit)?;
         one_learned_ego(experiment, i)?;
-        let Some(family) = registry.get(&lineage.family) else { continue };
+        let Some(family) = sources.get(&lineage.family) else { continue };
+        let published = published_of(i, lineage, &sources)?;
         if let Some(start) = &lineage.parent_program {
             start_of(i, lineage, start, &family.contract)?;
             continue;
         }
-        let mut parent = family.parent.adopted(&lineage.id);
+        let mut parent = published.unwrap_or(&family.parent).adopted(&lineage.id);
         if let Some(unknown) = lineage.parent.keys().find(|name| !parent.parameters.contains_key(*name)) {
             let known: Vec<String> = parent.parameters.keys().cloned().collect();
             return Err(OptionError::unknown(format!("lineage[{i}].parent.{unknown}"), unknown, &known).into());
@@ -145,6 +146,28 @@ fn one_learned_ego(experiment: &Experiment, i: usize) -> Result<(), OptionError>
             let expected = format!("{other}, as another lineage names; an experiment has one learned ego");
             Err(OptionError::new(format!("lineage[{i}].policy.digest"), own, expected))
         }
+    }
+}
+
+/// The published program that a lineage asks for: of a family that has one, and in place of no program file.
+fn published_of<'s>(
+    i: usize,
+    lineage: &LineageOptions,
+    sources: &'s Sources,
+) -> Result<Option<&'s Program>, OptionError> {
+    let refused = |expected: String| OptionError::new(format!("lineage[{i}].published"), "true", expected);
+    let known = || sources.iter().filter_map(|source| Some((&source.contract.family, source.published.as_ref()?)));
+    match (lineage.published, &lineage.parent_program) {
+        (false, _) => Ok(None),
+        (true, Some(_)) => Err(refused("false: parent_program already names the whole parent; remove one of the two".into())),
+        (true, None) => match known().find(|(family, _)| **family == lineage.family) {
+            Some((_, published)) => Ok(Some(&published.program)),
+            None => {
+                let names: Vec<&str> = known().map(|(family, _)| family.as_str()).collect();
+                let family = &lineage.family;
+                Err(refused(format!("false: nothing is published for {family}, only for {}; take it out", names.join(", "))))
+            }
+        },
     }
 }
 
@@ -215,8 +238,9 @@ fn counselled(experiment: &Experiment) -> Result<bool, OptionError> {
 
 /// Whether templates are composed: where the file describes some and a lineage's family takes them.
 fn composes(experiment: &Experiment) -> Result<bool, OptionError> {
-    // A lineage that starts from a program file has its templates.
-    let composed = experiment.lineages.iter().filter(|lineage| lineage.parent_program.is_none());
+    // A lineage that starts from a program file or a published one has its templates.
+    let has_none = |lineage: &&LineageOptions| lineage.parent_program.is_none() && !lineage.published;
+    let composed = experiment.lineages.iter().filter(has_none);
     let templates = composed.filter_map(|lineage| asks_of(&lineage.family).templates);
     let forms = templates.flat_map(|asks| (asks.forms)());
     let kinds: Vec<String> = forms.map(|form| form.kind.to_string()).collect();

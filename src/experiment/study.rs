@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::{Experiment, ExperimentError, PlainContacts, models};
+use super::{Experiment, ExperimentError, LineageOptions, PlainContacts, models};
 use crate::agents::{Questions, compact_contract_text, contract_text};
 use crate::ego::Policy;
 use crate::epoch::{Budget, LineageSpec, SceneEntry, Start, Study, Without};
@@ -128,6 +128,7 @@ impl Experiment {
                 };
                 let start = lineage.parent_program.clone();
                 let start = start.map(|of| Start { program: of.program, origins: of.origins });
+                let start = start.or_else(|| published_start(lineage));
                 lineages.push(LineageSpec { id, group, replica, family, ego: ego.clone(), parent, start });
             }
         }
@@ -137,7 +138,12 @@ impl Experiment {
         let chosen: Vec<Arc<Scene>> = wanted.iter().filter_map(|id| by_id.remove(*id)).collect();
         let entries = threads.map(&chosen, |_, scene| SceneEntry::new(scene.clone()));
         let without = self.without.unwrap_or_default();
-        let sources = families::sources().map(|source| limited(source, &without, self.questions));
+        let starts = || lineages.iter().filter_map(|spec| spec.start.as_ref()).map(|start| &start.program);
+        let offered = |source: Source| {
+            let family = source.contract.family.clone();
+            source.offering_for(starts().filter(|program| program.source_family == family))
+        };
+        let sources = families::sources().map(|source| limited(offered(source), &without, self.questions));
         let mut world = self.world.clone();
         if without.audit {
             world.routing.audit_share = 0.0;
@@ -197,6 +203,12 @@ impl Experiment {
         study.parents = study.lineages.iter().map(hash).collect::<Result<_, _>>()?;
         Ok(study)
     }
+}
+
+/// The published program that a lineage starts from, where it asks for it.
+fn published_start(lineage: &LineageOptions) -> Option<Start> {
+    let program = families::sources().get(&lineage.family)?.published.as_ref()?.program.clone();
+    lineage.published.then_some(Start { program, origins: Vec::new() })
 }
 
 /// A source whose contract allows no more rules or modules than its parent has, where the run does without them.

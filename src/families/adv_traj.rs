@@ -3,16 +3,18 @@
 //!
 //! Speeds of 30 and 10 in the port's controller are taken as km/h, where alone they make sense; family 3's leader
 //! follows the points at 3 m/s. The search and the smoothing are those of AdvSim's stand-in here: the port ships
-//! optimised sequences, we search.
+//! optimised sequences, we search; `published` starts from theirs.
 
 use super::grammar::{integer, number, parameter};
 use super::interface::own;
-use super::profile_search::{self, Profiled};
+use super::profile_search::{self, Profiled, Setting};
+use super::published::Port;
 use super::staged;
 use crate::adapters::Family;
 use crate::motion::script_space::Perturbation;
 use crate::scene::safebench::TrafficFamily;
-use crate::sim::{Phase, Until};
+use crate::scene::{AgentKind, TrackIx};
+use crate::sim::{Phase, Scripts, Until};
 use crate::stage::{Part, Settings, Source, Stage, StageError};
 
 /// The family's name in programs, experiments and tables.
@@ -21,14 +23,20 @@ pub const NAME: &str = "adv_traj";
 pub const LATERAL_SEQUENCE: &str = "lateral_sequence";
 /// Search operator: queries of whole scenarios.
 pub const LATERAL_QUERIES: &str = "lateral_queries";
+/// Search operator: the same from a sequence that the port publishes.
+pub const SHIPPED_LATERALS: &str = "shipped_laterals";
 const PREFIX: &str = "lateral_";
 
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
-    Source::new(family())
-        .actor(staged::SCRIPTED_ACTOR, staged::actor)
+    let family = family();
+    let published = profile_search::published(&family, SHIPPED_LATERALS, PREFIX);
+    let source = Source::new(family)
+        .actor(staged::SCRIPTED_ACTOR, actor)
         .operator(LATERAL_SEQUENCE, motion)
         .operator(LATERAL_QUERIES, search)
+        .operator(SHIPPED_LATERALS, shipped_search);
+    Source { published: Some(published), ..source }
 }
 
 /// Contract and parent.
@@ -52,6 +60,7 @@ pub fn family() -> Family {
         space_describes: "The scripted adversary steering at 100 points beside its straight path, one a tick.",
         motion,
         queries: LATERAL_QUERIES,
+        shipped: SHIPPED_LATERALS,
         prefix: PREFIX,
         loss: "lateral_loss",
     })
@@ -75,6 +84,20 @@ fn target_mps(family: TrafficFamily) -> f64 {
     }
 }
 
+/// Whether the port puts its adversary on a bicycle where the benchmark has somebody on foot: in family 1, as its scripts run.
+fn rides(stage: &Stage<'_>, family: TrafficFamily) -> bool {
+    family == TrafficFamily::StraightObstacle && stage.situation.plant.options().scripts == Scripts::AsRun
+}
+
+/// The road user that the port brings along.
+fn actor(stage: &Stage<'_>, settings: &Settings) -> Result<Vec<TrackIx>, StageError> {
+    let family = stage.situation.scene.staging.as_ref().map(|staging| staging.family);
+    match family.filter(|family| rides(stage, *family)) {
+        Some(_) => Ok(vec![stage.situation.guest(AgentKind::Cyclist)]),
+        None => staged::actor(stage, settings),
+    }
+}
+
 /// Trigger distances of the port, metres.
 fn trigger_m(family: TrafficFamily) -> f64 {
     [35.0, 17.0, 35.0, 45.0, 40.0, 50.0, 45.0, 40.0][family.number() - 1]
@@ -93,11 +116,17 @@ pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
             lead,
             smoothing: settings.count("lateral_smoothing")?,
         };
-        Ok((vec![("trigger_m", trigger_m), ("oncoming_gap_m", 20.0)], perturbation))
+        let figures = vec![("trigger_m", trigger_m), ("oncoming_gap_m", 20.0)];
+        Ok(Setting { figures, perturbation, on_bicycle: rides(stage, family) })
     })
 }
 
 /// Queries of lateral profiles.
 pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
-    profile_search::search(stage, settings, PREFIX, parts)
+    profile_search::search(stage, settings, PREFIX, None, parts)
+}
+
+/// The same from a published profile.
+pub fn shipped_search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    profile_search::search(stage, settings, PREFIX, Some(Port::Trajectory), parts)
 }

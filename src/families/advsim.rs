@@ -1,13 +1,14 @@
 //! AdvSim (Wang et al. 2021) as SafeBench ports it: the speed of a traffic family's scripted adversary at each of 100
 //! ticks after its trigger, as a share of twice the standard speed, found by black-box queries; its path stays straight.
 //!
-//! The port ships the sequences that its authors optimised; here the search runs. Where their first vector comes from
+//! The port ships the sequences that its authors optimised; here the search runs, and `published` starts from theirs. Where their first vector comes from
 //! numpy's generator, ours comes from a named stream. Choices of ours: the (1+1) evolution strategy that changes stretches of
 //! the profile, a small budget, and the moving mean over neighbouring numbers (`speed_smoothing`, 1 in the port: none).
 
 use super::grammar::{integer, number, parameter};
 use super::interface::own;
-use super::profile_search::{self, Profiled};
+use super::profile_search::{self, Profiled, Setting};
+use super::published::Port;
 use super::staged;
 use crate::adapters::Family;
 use crate::motion::script_space::Perturbation;
@@ -21,14 +22,20 @@ pub const NAME: &str = "advsim";
 pub const SPEED_SEQUENCE: &str = "speed_sequence";
 /// Search operator: queries of whole scenarios.
 pub const SPEED_QUERIES: &str = "speed_queries";
+/// Search operator: the same from a sequence that the port publishes.
+pub const SHIPPED_SPEEDS: &str = "shipped_speeds";
 const PREFIX: &str = "speed_";
 
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
-    Source::new(family())
+    let family = family();
+    let published = profile_search::published(&family, SHIPPED_SPEEDS, PREFIX);
+    let source = Source::new(family)
         .actor(staged::SCRIPTED_ACTOR, staged::actor)
         .operator(SPEED_SEQUENCE, motion)
         .operator(SPEED_QUERIES, search)
+        .operator(SHIPPED_SPEEDS, shipped_search);
+    Source { published: Some(published), ..source }
 }
 
 /// Contract and parent.
@@ -51,6 +58,7 @@ pub fn family() -> Family {
         space_describes: "The scripted adversary on its straight path with a target speed of its own for each of 100 ticks.",
         motion,
         queries: SPEED_QUERIES,
+        shipped: SHIPPED_SPEEDS,
         prefix: PREFIX,
         loss: "speed_loss",
     })
@@ -74,11 +82,16 @@ pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
         let lead = (family == TrafficFamily::LaneChanging).then(|| Phase::straight(12.0, Until::Driven { m: 5.0 }));
         let mps_max = settings.number("speed_ceiling")? * standard_mps(family);
         let perturbation = Perturbation::Speeds { mps_max, lead, smoothing: settings.count("speed_smoothing")? };
-        Ok((vec![("trigger_m", trigger_m)], perturbation))
+        Ok(Setting { figures: vec![("trigger_m", trigger_m)], perturbation, on_bicycle: false })
     })
 }
 
 /// Queries of speed profiles.
 pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
-    profile_search::search(stage, settings, PREFIX, parts)
+    profile_search::search(stage, settings, PREFIX, None, parts)
+}
+
+/// The same from a published profile.
+pub fn shipped_search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    profile_search::search(stage, settings, PREFIX, Some(Port::AdvSim), parts)
 }

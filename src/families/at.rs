@@ -378,7 +378,7 @@ mod tests {
         };
         let window = Window { from_step: 1, steps: 50 };
         let offsets = OffsetSpace::of_log(&situation.scene.tracks[0], window, 0.5, interpolation, bounds);
-        Part { actor: 0, window, candidates: vec![], offsets, driven: None }
+        Part { actor: 0, window, candidates: vec![], offsets, driven: None, simulated: 0 }
     }
 
     #[test]

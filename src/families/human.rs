@@ -148,10 +148,12 @@ pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
     let middles = own.map(|(f, _, p)| settings.number(&name(f, p))).collect::<Result<Vec<f64>, _>>()?;
     let members = grid(family, &middles, settings.number("grid_reach")?);
     for part in parts {
-        let laid_out = members.iter().filter_map(|member| actions(&places, member).ok());
+        let scripts = stage.situation.plant.options().scripts;
+        let laid_out: Vec<_> = members.iter().filter_map(|member| actions(&places, member, scripts).ok()).collect();
+        part.simulated += laid_out.len();
         let simulated =
             |actions| scripted::simulated(stage.situation, actions, adversary(family), part.window.from_step, None);
-        part.candidates = laid_out.filter_map(simulated).collect();
+        part.candidates = laid_out.into_iter().filter_map(simulated).collect();
     }
     Ok(())
 }

@@ -13,6 +13,7 @@ pub mod king;
 pub mod llm_attacker;
 pub mod prior;
 pub mod profile_search;
+mod published;
 pub mod sage;
 pub mod seal;
 pub mod staged;

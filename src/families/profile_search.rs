@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::grammar::{self, integer, number, optional, parameter};
 use super::interface::{self, FamilySpec, OwnParameter, own};
+use super::published::{self, Port};
 use super::staged;
 use crate::adapters::Family;
 use crate::kernel::num;
@@ -12,9 +13,10 @@ use crate::motion::script_space::{PROFILE_VALUES, Perturbation, ScriptSpace};
 use crate::motion::traffic_family::{self, actions, standard};
 use crate::objects::{Slot, ValueType};
 use crate::scene::safebench::{Stage as Places, TrafficFamily};
+use crate::sim::Action;
 use crate::search::query_search::{Answer, Queries, ask_all};
 use crate::stage::judged::Judged;
-use crate::stage::{Part, Settings, Stage, StageError, scripted};
+use crate::stage::{Part, Published, Settings, Stage, StageError, scripted};
 
 /// What a source of searched profiles says of itself.
 pub struct Profiled {
@@ -27,6 +29,8 @@ pub struct Profiled {
     pub motion: Vec<OwnParameter>,
     /// Search operator, and what the names of its parameters begin with.
     pub queries: &'static str,
+    /// The same search from a sequence that the port publishes.
+    pub shipped: &'static str,
     pub prefix: &'static str,
     /// Mechanism that adds to the search's loss.
     pub loss: &'static str,
@@ -45,6 +49,12 @@ pub fn family(of: Profiled) -> Family {
     let space = interface::operator(Slot::Motion, of.space, settings, of.space_describes);
     let mut settings: Vec<_> = search.iter().map(interface::follows).collect();
     settings.push(optional("loss", of.loss, "added to the search's own loss of a simulated scenario"));
+    let shipped = interface::operator(
+        Slot::Search,
+        of.shipped,
+        settings.clone(),
+        "The same from one of the ten sequences that the port publishes for the traffic family: the first query is that one as it is.",
+    );
     let queries = interface::operator(
         Slot::Search,
         of.queries,
@@ -56,9 +66,9 @@ pub fn family(of: Profiled) -> Family {
         name: of.name,
         title: of.title,
         describes: of.describes.into(),
-        words: vec![of.space, of.queries, of.loss],
+        words: vec![of.space, of.queries, of.shipped, of.loss],
         parameters: of.motion.into_iter().chain(search).collect(),
-        operators: vec![(Slot::Motion, space), (Slot::Search, queries)],
+        operators: vec![(Slot::Motion, space), (Slot::Search, queries), (Slot::Search, shipped)],
         without_shared: staged::WITHOUT_SHARED,
         mechanism_slots: vec![grammar::slot(
             of.loss,
@@ -68,6 +78,16 @@ pub fn family(of: Profiled) -> Family {
         )],
         graph,
     })
+}
+
+/// The parent that plays what the port publishes and searches nothing: one query.
+pub fn published(family: &Family, shipped: &'static str, prefix: &str) -> Published {
+    let mut program = family.parent.clone();
+    program.parameters.extend([grammar::value(&format!("{prefix}query_count"), 1.0)]);
+    for node in program.operator_graph.values_mut().filter(|node| node.slot == Slot::Search) {
+        node.kind = shipped.into();
+    }
+    Published { program, kind: Some(shipped) }
 }
 
 /// Parameters of the search; each name begins with `prefix`.
@@ -92,9 +112,15 @@ fn parameters(prefix: &str) -> Vec<OwnParameter> {
     ]
 }
 
-/// Figures of a traffic family's script that a source sets by their names, where the script has them, and what its
-/// profiles stand in for.
-pub type Setting = (Vec<(&'static str, f64)>, Perturbation);
+/// What a source makes of a traffic family's script.
+pub struct Setting {
+    /// Figures that it sets by their names, where the script has them.
+    pub figures: Vec<(&'static str, f64)>,
+    /// What its profiles stand in for.
+    pub perturbation: Perturbation,
+    /// Whether the adversary rides a bicycle, whatever the script has.
+    pub on_bicycle: bool,
+}
 
 /// Puts every part at the middle of the space over the stage's scripted scenario; where that finds no place on the road,
 /// nothing is put.
@@ -105,15 +131,20 @@ pub fn start(
 ) -> Result<(), StageError> {
     let Some(places) = Places::of(&stage.situation.scene) else { return Ok(()) };
     let family = places.staging().family;
-    let (figures, perturbation) = setting(family)?;
+    let Setting { figures, perturbation, on_bicycle } = setting(family)?;
     let mut values = standard(family);
     for (name, value) in figures {
         if let Some(place) = staged::place_of(family, name) {
             values[place] = value;
         }
     }
-    let Ok(base) = actions(&places, &values) else { return Ok(()) };
-    let space = ScriptSpace { base, adversary: traffic_family::adversary(family), perturbation };
+    let scripts = stage.situation.plant.options().scripts;
+    let Ok(mut base) = actions(&places, &values, scripts) else { return Ok(()) };
+    let adversary = traffic_family::adversary(family);
+    if let Some(Action::Triggered(script)) = base.get_mut(adversary).filter(|_| on_bicycle) {
+        traffic_family::mount(script);
+    }
+    let space = ScriptSpace { base, adversary, perturbation };
     parts.iter_mut().for_each(|part| open(stage, &space, part));
     Ok(())
 }
@@ -124,6 +155,7 @@ fn open(stage: &Stage<'_>, space: &ScriptSpace, part: &mut Part) {
     let space = Some(Arc::new(space.clone()));
     let middle = scripted::simulated(stage.situation, actions, adversary(&space), part.window.from_step, space);
     part.candidates = middle.into_iter().collect();
+    part.simulated += 1;
 }
 
 fn adversary(space: &Option<Arc<ScriptSpace>>) -> usize {
@@ -131,8 +163,15 @@ fn adversary(space: &Option<Arc<ScriptSpace>>) -> usize {
 }
 
 /// Asks for profiles. Every query is a candidate, scored by minus its loss. As published, a contact ends the search; where
-/// the program adds a loss of its own, the search goes on and that loss chooses among the contacts.
-pub fn search(stage: &Stage<'_>, settings: &Settings, prefix: &str, parts: &mut [Part]) -> Result<(), StageError> {
+/// the program adds a loss of its own, the search goes on and that loss chooses among the contacts. The first query is drawn at
+/// random, or among those that a port publishes.
+pub fn search(
+    stage: &Stage<'_>,
+    settings: &Settings,
+    prefix: &str,
+    port: Option<Port>,
+    parts: &mut [Part],
+) -> Result<(), StageError> {
     let number = |name: &str| settings.number(&format!("{prefix}{name}"));
     let count = settings.count(&format!("{prefix}query_count"))?;
     let queries = Queries { count, step: number("query_step")?, changed_share: number("changed_share")? };
@@ -143,7 +182,9 @@ pub fn search(stage: &Stage<'_>, settings: &Settings, prefix: &str, parts: &mut 
         let Some(space) = spaces.into_iter().next() else { continue };
         let (situation, actor, from_step) = (stage.situation, part.actor, part.window.from_step);
         let judged = Judged { situation, actor, from_step, adversaries: &adversaries };
+        let mut asked_of_ego = 0;
         let ask = |place: &[f64]| {
+            asked_of_ego += 1;
             let actions = space.actions(place);
             let mut profiles = scripted::simulated(situation, actions, space.adversary, from_step, None)?;
             let (own, success) = profiles.scripted.as_ref().map(|s| (s.loss(), s.contact))?;
@@ -152,8 +193,14 @@ pub fn search(stage: &Stage<'_>, settings: &Settings, prefix: &str, parts: &mut 
             profiles.score = -loss;
             Some(Answer { loss, success: success && module.is_none(), made: profiles })
         };
-        let asked = ask_all(&queries, PROFILE_VALUES, &mut stage.stream("queries", actor), ask);
+        let mut stream = stage.stream("queries", actor);
+        let first = match port.zip(situation.scene.staging.as_ref()) {
+            Some((port, staging)) => published::drawn(port, staging.family, &mut stage.stream("published", actor)),
+            None => (0..PROFILE_VALUES).map(|_| stream.unit()).collect(),
+        };
+        let asked = ask_all(&queries, first, &mut stream, ask);
         part.candidates = asked.into_iter().map(|(_, found)| found).collect();
+        part.simulated += asked_of_ego;
     }
     Ok(())
 }

@@ -83,16 +83,17 @@ pub fn place_of(family: TrafficFamily, name: &str) -> Option<usize> {
 mod tests {
     use std::sync::Arc;
 
+    use super::super::published::{self, Port};
     use super::super::{adv_traj, advsim, chatscene, human, sources};
     use crate::compiler::{Compiled, compile};
     use crate::ego::Policy;
     use crate::kernel::{Seed, Vec2};
     use crate::objects::FamilyName;
-    use crate::scene::Scene;
+    use crate::scene::{AgentKind, PreparedScene, Scene};
     use crate::scene::fixture::two_lane_scene;
     use crate::scene::safebench::TrafficFamily;
     use crate::sim::{self, Action, Script, Speed, Way};
-    use crate::stage::Situation;
+    use crate::stage::{Situation, Source};
     use crate::synth::family_scene;
 
     const NAMES: [&str; 4] = [human::NAME, advsim::NAME, adv_traj::NAME, chatscene::NAME];
@@ -163,6 +164,81 @@ mod tests {
                 assert!((delta.dot(forward) - length_m * i as f64 / 100.0).abs() < 1e-6);
                 assert!(delta.dot(forward.left()).abs() <= bound_m + 1e-9);
             }
+        }
+    }
+
+    /// A situation of SafeBench's scripts as they run.
+    fn as_run(family: TrafficFamily) -> Situation {
+        let scene = PreparedScene::new(Arc::new(family_scene(family, 5, Seed(7))));
+        let options = sim::SimulatorOptions { scripts: sim::Scripts::AsRun, ..sim::SimulatorOptions::SHIPPED };
+        Situation::under(scene, &Policy::Idm, &options).unwrap()
+    }
+
+    #[test]
+    fn as_scripts_run_at_s_adversary_of_the_first_family_rides_a_bicycle_and_nobody_else_does() {
+        for name in NAMES {
+            let kinds = TrafficFamily::ALL.map(|family| {
+                let compiled = compiled(name, &as_run(family), 1);
+                let Some(Action::Triggered(script)) = compiled.intervention.actions.first() else {
+                    panic!("{name}: {}", compiled.decision.reason)
+                };
+                assert_eq!(compiled.decision.actors[0].inserted, Some(script.kind), "{name} in {}", family.name());
+                (script.kind, script.length_m)
+            });
+            let first = if name == adv_traj::NAME { (AgentKind::Cyclist, 1.8) } else { (AgentKind::Pedestrian, 0.6) };
+            assert_eq!((kinds[0], kinds[1]), (first, (AgentKind::Cyclist, 1.8)), "{name}");
+        }
+        assert_eq!(adversary(adv_traj::NAME, TrafficFamily::StraightObstacle, 5).kind, AgentKind::Pedestrian);
+    }
+
+    #[test]
+    fn a_decision_tells_how_many_scenarios_were_simulated_before_it_as_scripts_run() {
+        for name in NAMES {
+            let told = compiled(name, &as_run(TrafficFamily::RightTurn), 1).decision.search_rollouts;
+            let expected = match name {
+                human::NAME => 9..=9,
+                chatscene::NAME => 13..=13,
+                // One in the middle, and eight queries if none of the earlier meets the ego.
+                _ => 2..=9,
+            };
+            assert!(told.is_some_and(|told| expected.contains(&told)), "{name}: {told:?}");
+            let defined = compiled(name, &situation(family_scene(TrafficFamily::RightTurn, 5, Seed(7))), 1);
+            assert_eq!(defined.decision.search_rollouts, None);
+        }
+    }
+
+    #[test]
+    fn published_parents_play_their_ports_sequences_and_the_optimised_ranges_once_or_as_often_as_is_least() {
+        let situation = as_run(TrafficFamily::UnprotectedLeftTurn);
+        let plays = |name: &str, seed: u64| {
+            let source = sources().get(&FamilyName::new(name)).unwrap().clone();
+            let program = source.published.clone().unwrap().program;
+            compile(&program, &source, &situation, Seed(seed)).unwrap()
+        };
+        for seed in 0..4 {
+            let played = plays(advsim::NAME, seed);
+            assert_eq!(played.decision.search_rollouts, Some(2), "the middle and the sequence");
+            let Action::Triggered(script) = &played.intervention.actions[0] else { panic!("no script") };
+            let Speed::Profile { mps } = &script.phases[0].speed else { panic!("{script:?}") };
+            let shares: Vec<f64> = mps.iter().map(|v| v / 24.0).collect();
+            let known = (0..10).map(|k| published::sequence(Port::AdvSim, TrafficFamily::UnprotectedLeftTurn, k));
+            let alike = |own: &Vec<f64>| own.iter().zip(&shares).all(|(a, b)| (a - b).abs() < 1e-9);
+            assert!(known.into_iter().any(|own| alike(&own)), "seed {seed}");
+        }
+        assert_eq!(plays(chatscene::NAME, 1).decision.search_rollouts, Some(5), "the middle and four samples");
+        assert!(sources().get(&FamilyName::new(human::NAME)).unwrap().published.is_none());
+    }
+
+    #[test]
+    fn a_contract_offers_a_ports_sequences_only_where_a_program_has_them() {
+        for name in [advsim::NAME, adv_traj::NAME] {
+            let source = sources().get(&FamilyName::new(name)).unwrap().clone();
+            let (program, kind) = source.published.clone().map(|of| (of.program, of.kind.unwrap())).unwrap();
+            let offers = |source: &Source| source.contract.names().contains(kind);
+            let without = source.clone().offering_for([&source.parent]);
+            assert!(offers(&source.clone().offering_for([&program])) && !offers(&without), "{name}");
+            assert!(without.contract.check_program(&source.parent).is_empty());
+            assert!(!without.contract.check_program(&program).is_empty());
         }
     }
 

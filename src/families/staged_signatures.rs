@@ -12,6 +12,7 @@ use crate::motion::script_space::PROFILE_VALUES;
 use crate::motion::traffic_family::{actions, standard};
 use crate::objects::{ParameterValue, Setting};
 use crate::scene::safebench::{Stage as Places, TrafficFamily};
+use crate::sim::Scripts;
 use crate::stage::{Operator, Part, Settings, Situation, Stage, scripted};
 use crate::synth::family_scene;
 
@@ -58,7 +59,7 @@ fn opened(stage: &Stage<'_>, motion: Operator, settings: &Settings) -> Vec<Part>
     let from_step = stage.situation.first_step();
     let steps = stage.situation.scene.steps - from_step;
     let window = crate::motion::Window { from_step, steps };
-    let mut parts = vec![Part { actor, window, candidates: vec![], offsets: None, driven: None }];
+    let mut parts = vec![Part { actor, window, candidates: vec![], offsets: None, driven: None, simulated: 0 }];
     motion(stage, settings, &mut parts).unwrap();
     parts
 }
@@ -80,7 +81,7 @@ fn profile_losses(stage: &Stage<'_>, family: &Family, motion: Operator, prefix: 
     let mut parts = opened(stage, motion, &settings(family, "motion"));
     let space = parts[0].candidates.first()?.scripted.clone()?.space.clone()?;
     let search = settings(family, "search");
-    profile_search::search(stage, &search, prefix, &mut parts).unwrap();
+    profile_search::search(stage, &search, prefix, None, &mut parts).unwrap();
     let losses = scenarios(&parts[0]).map(Scripted::loss).fold(f64::INFINITY, f64::min);
     let mut stream = stage.stream("random", 0);
     let mut random = f64::INFINITY;
@@ -198,6 +199,6 @@ fn every_member_of_human_s_grid_is_set_off_in_every_scene() {
             assert!(moves, "{}: a member of the grid stands still", situation.scene_id());
         }
         let places = Places::of(&situation.scene).unwrap();
-        assert!(actions(&places, &standard(family_of(&situation))).is_ok());
+        assert!(actions(&places, &standard(family_of(&situation)), Scripts::AsDefined).is_ok());
     }
 }

@@ -4,7 +4,7 @@
 use crate::kernel::{Pose, num};
 use crate::scene::AgentKind;
 use crate::scene::safebench::{Stage, TrafficFamily};
-use crate::sim::{Action, Phase, Script, Trigger, Until};
+use crate::sim::{Action, Phase, Script, Scripts, Trigger, Until};
 
 /// A parameter of a family's scenario.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -130,6 +130,12 @@ pub enum LayoutError {
     },
 }
 
+/// Puts somebody on a bicycle in the place of a script's road user.
+pub fn mount(script: &mut Script) {
+    script.kind = AgentKind::Cyclist;
+    (script.length_m, script.width_m) = BICYCLE_M;
+}
+
 /// Length and width, metres.
 const CAR_M: (f64, f64) = (4.8, 2.0);
 const BICYCLE_M: (f64, f64) = (1.8, 0.6);
@@ -137,13 +143,13 @@ const WALKER_M: (f64, f64) = (0.6, 0.6);
 const VENDING_MACHINE_M: (f64, f64) = (1.1, 0.9);
 /// SafeBench's family 5 waits until the ego moves, m/s.
 const EGO_MOVES_MPS: f64 = 0.5;
-/// How far the crossing cars go before they stop, metres (families 5 and 8; 6 and 7).
+/// How far the crossing cars go before they are to stop, metres (families 5 and 8; 6 and 7).
 const CROSSED_M: f64 = 110.0;
 const TURNED_M: f64 = 100.0;
 
 /// The actions of a family's scenario. The first is the reference actor to which the trigger's distance is measured.
 /// Values stand in the order of [`parameters`].
-pub fn actions(stage: &Stage<'_>, values: &[f64]) -> Result<Vec<Action>, LayoutError> {
+pub fn actions(stage: &Stage<'_>, values: &[f64], scripts: Scripts) -> Result<Vec<Action>, LayoutError> {
     let family = stage.staging().family;
     let wanted = parameters(family);
     if values.len() != wanted.len() {
@@ -156,7 +162,7 @@ pub fn actions(stage: &Stage<'_>, values: &[f64]) -> Result<Vec<Action>, LayoutE
     let missing = |what| LayoutError::Place { scene: stage.scene().id.clone(), family: family.name(), what };
     Ok(match (family, values) {
         (TrafficFamily::StraightObstacle, &[speed_mps, trigger_m, start_m]) => {
-            walker_behind_a_machine(stage, speed_mps, trigger_m, start_m)
+            walker_behind_a_machine(stage, [speed_mps, trigger_m, start_m], scripts)
         }
         (TrafficFamily::TurningObstacle, &[speed_mps, trigger_m, start_m]) => {
             let exit_m = stage.turn_exit_m().ok_or_else(|| missing("a route that turns after its trigger"))?;
@@ -196,7 +202,7 @@ pub fn actions(stage: &Stage<'_>, values: &[f64]) -> Result<Vec<Action>, LayoutE
         }
         (_, &[speed_mps, trigger_m]) => {
             let spawn = stage.spawns().next().ok_or_else(|| missing("a frame for its actor"))?;
-            vec![crossing_car(family, spawn, speed_mps, trigger_m)]
+            vec![crossing_car(family, spawn, [speed_mps, trigger_m], scripts)]
         }
         _ => return Err(missing("parameters of its own")),
     })
@@ -210,11 +216,23 @@ fn actor(kind: AgentKind, size_m: (f64, f64), spawn: Pose, trigger: Trigger, pha
     Action::Triggered(Script { kind, length_m: size_m.0, width_m: size_m.1, spawn, trigger, phases })
 }
 
-/// Family 1: the walker stops in the road after 0.6 of the way over; the vending machine hides where it comes from.
-fn walker_behind_a_machine(stage: &Stage<'_>, speed_mps: f64, trigger_m: f64, start_m: f64) -> Vec<Action> {
+/// Where a script ends that has a stop condition: there, or, as it runs, nowhere.
+fn stop(m: f64, scripts: Scripts) -> Until {
+    match scripts {
+        Scripts::AsDefined => Until::Driven { m },
+        Scripts::AsRun => Until::Forever,
+    }
+}
+
+/// Family 1: the walker is to stop in the road after 0.6 of the way over; the vending machine hides where it comes from.
+fn walker_behind_a_machine(
+    stage: &Stage<'_>,
+    [speed_mps, trigger_m, start_m]: [f64; 3],
+    scripts: Scripts,
+) -> Vec<Action> {
     let roadside = stage.roadside(start_m);
     let stop_m = 0.6 * roadside.lane_width_m * (1.0 + 1.25 * roadside.lanes_between as f64);
-    let phases = vec![Phase::straight(speed_mps, Until::Driven { m: stop_m })];
+    let phases = vec![Phase::straight(speed_mps, stop(stop_m, scripts))];
     let machine = Pose {
         position: stage.staging().trigger.position.lerp(roadside.pose.position, 0.9),
         heading_rad: num::wrap_angle(roadside.pose.heading_rad + num::PI),
@@ -225,15 +243,20 @@ fn walker_behind_a_machine(stage: &Stage<'_>, speed_mps: f64, trigger_m: f64, st
     ]
 }
 
-/// Families 5 to 8: the actor drives straight on from its frame until it has left the crossing.
-fn crossing_car(family: TrafficFamily, spawn: Pose, speed_mps: f64, trigger_m: f64) -> Action {
+/// Families 5 to 8: the actor drives straight on from its frame; it is to stop when it has left the crossing.
+fn crossing_car(
+    family: TrafficFamily,
+    spawn: Pose,
+    [speed_mps, trigger_m]: [f64; 2],
+    scripts: Scripts,
+) -> Action {
     let waits = family == TrafficFamily::RedLightRunning;
     let far_m = match family {
         TrafficFamily::RedLightRunning | TrafficFamily::CrossingNegotiation => CROSSED_M,
         _ => TURNED_M,
     };
     let trigger = Trigger { ego_speed_mps_min: if waits { EGO_MOVES_MPS } else { 0.0 }, ..near(trigger_m) };
-    actor(AgentKind::Vehicle, CAR_M, spawn, trigger, vec![Phase::straight(speed_mps, Until::Driven { m: far_m })])
+    actor(AgentKind::Vehicle, CAR_M, spawn, trigger, vec![Phase::straight(speed_mps, stop(far_m, scripts))])
 }
 
 #[cfg(test)]
@@ -252,7 +275,7 @@ mod tests {
 
     fn run(scene: &Scene) -> Outcome {
         let stage = Stage::of(scene).unwrap();
-        let actions = actions(&stage, &standard(stage.staging().family)).unwrap();
+        let actions = actions(&stage, &standard(stage.staging().family), Scripts::AsDefined).unwrap();
         rollout(&Plant::new(scene).unwrap(), &Intervention { actions }, &mut *Policy::Idm.driver()).unwrap()
     }
 
@@ -284,7 +307,7 @@ mod tests {
             if matches!(family, TrafficFamily::StraightObstacle | TrafficFamily::TurningObstacle) || bends {
                 continue;
             }
-            let actions = actions(&stage, &standard(family)).unwrap();
+            let actions = actions(&stage, &standard(family), Scripts::AsDefined).unwrap();
             let plant = Plant::new(&scene).unwrap();
             let (_, trace) = rollout_traced(&plant, &Intervention { actions }, &mut *Policy::Idm.driver()).unwrap();
             let lanes = crate::scene::LaneGraph::of(&scene.road);
@@ -308,7 +331,7 @@ mod tests {
     fn a_walker_stands_until_the_ego_is_near_and_stops_in_the_road() {
         let scene = family_scene(TrafficFamily::StraightObstacle, 5, Seed(7));
         let stage = Stage::of(&scene).unwrap();
-        let actions = actions(&stage, &[2.5, 20.0, 45.0]).unwrap();
+        let actions = actions(&stage, &[2.5, 20.0, 45.0], Scripts::AsDefined).unwrap();
         let plant = Plant::new(&scene).unwrap();
         let (_, trace) = rollout_traced(&plant, &Intervention { actions }, &mut *Policy::Idm.driver()).unwrap();
         let walker: Vec<_> = trace.actors[0].samples.iter().flatten().collect();
@@ -322,10 +345,39 @@ mod tests {
     }
 
     #[test]
+    fn as_scripts_run_nobody_stops_and_as_they_are_defined_the_walker_stands_in_the_road() {
+        for family in TrafficFamily::ALL {
+            let scene = family_scene(family, 5, Seed(7));
+            let stage = Stage::of(&scene).unwrap();
+            let ends = |scripts| -> Vec<Until> {
+                let actions = actions(&stage, &standard(family), scripts).unwrap();
+                let script = |action: &Action| match action {
+                    Action::Triggered(script) => script.phases.last().map(|phase| phase.until),
+                    other => panic!("{other:?}"),
+                };
+                actions.iter().filter_map(script).collect()
+            };
+            assert!(ends(Scripts::AsRun).iter().all(|until| *until == Until::Forever), "{}", family.name());
+            let stops = ends(Scripts::AsDefined).iter().any(|until| matches!(until, Until::Driven { .. }));
+            assert_eq!(stops, matches!(family.number(), 1 | 5..=8), "{}", family.name());
+        }
+        let scene = family_scene(TrafficFamily::StraightObstacle, 5, Seed(7));
+        let stage = Stage::of(&scene).unwrap();
+        let gone_m = |scripts| {
+            let actions = actions(&stage, &[2.5, 24.0, 45.0], scripts).unwrap();
+            let plant = Plant::new(&scene).unwrap();
+            let (_, trace) = rollout_traced(&plant, &Intervention { actions }, &mut *Policy::Idm.driver()).unwrap();
+            let walker: Vec<_> = trace.actors[0].samples.iter().flatten().collect();
+            walker[walker.len() - 1].position.distance(walker[0].position)
+        };
+        assert!(gone_m(Scripts::AsDefined) < 2.6 && gone_m(Scripts::AsRun) > 7.0);
+    }
+
+    #[test]
     fn parameters_that_are_none_and_roads_that_do_not_fit_are_told() {
         let mut scene = family_scene(TrafficFamily::VehiclePassing, 5, Seed(7));
         let refusal =
-            |scene: &Scene, values: &[f64]| actions(&Stage::of(scene).unwrap(), values).unwrap_err().to_string();
+            |scene: &Scene, values: &[f64]| actions(&Stage::of(scene).unwrap(), values, Scripts::AsDefined).unwrap_err().to_string();
         assert!(refusal(&scene, &[1.0]).contains("4 parameters"));
         assert!(refusal(&scene, &[50.0, f64::NAN, 8.0, 45.0]).contains("oncoming_gap_m"));
         scene.road.lanes.iter_mut().for_each(|lane| lane.left_neighbours.clear());

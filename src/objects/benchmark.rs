@@ -51,9 +51,12 @@ pub struct SafebenchRun {
     pub run: Run,
     /// How realistic the adversaries were, and whether the program acts at all.
     pub realism: RunRealism,
+    /// Scenarios that the program simulated against the ego before it chose this one; `None` of records that do not tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub search_rollouts: Option<u32>,
 }
 
-/// A row of SafeBench's tables. All in 0..=1.
+/// A row of SafeBench's tables. Rates are in 0..=1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BenchmarkRow {
     /// CR.
@@ -66,6 +69,9 @@ pub struct BenchmarkRow {
     pub valid_rate: f64,
     /// CR (1 - OS).
     pub attack: f64,
+    /// Mean number of scenarios that the programs simulated against the ego before they chose a run's; `None` where no run tells.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub search_rollouts: Option<f64>,
 }
 
 /// Rows of a set of runs.

@@ -1,5 +1,5 @@
 //! Black-box search of the SafeBench ports: a (1+1) evolution strategy on the cube [0, 1]^n whose numbers are a profile
-//! over time. The first query is drawn at random and kept if it already succeeds; every later one takes the best so far and
+//! over time. The first query is given, as a rule drawn at random, and kept if it already succeeds; every later one takes the best so far and
 //! moves a stretch of it or draws that stretch anew. Numbers of a stretch move together: what a road user makes of a
 //! profile is about its mean over a second or two, in which changes of single numbers cancel out. Early stretches are
 //! taken more often: they change everything that comes after them.
@@ -31,11 +31,11 @@ pub struct Answer<T> {
 /// that `ask` refuses counts, but leaves nothing.
 pub fn ask_all<T>(
     queries: &Queries,
-    dimensions: usize,
+    first: Vec<f64>,
     stream: &mut Stream,
     mut ask: impl FnMut(&[f64]) -> Option<Answer<T>>,
 ) -> Vec<(f64, T)> {
-    let mut best: (Vec<f64>, f64) = ((0..dimensions).map(|_| stream.unit()).collect(), f64::INFINITY);
+    let mut best: (Vec<f64>, f64) = (first, f64::INFINITY);
     let mut answers = Vec::with_capacity(queries.count);
     for query in 0..queries.count {
         let place = if query == 0 { best.0.clone() } else { changed(queries, &best.0, stream) };
@@ -73,7 +73,8 @@ mod tests {
 
     fn run(queries: &Queries, success: f64) -> Vec<(f64, Vec<f64>)> {
         let mut stream = Seed(1).stream(&["queries"]);
-        ask_all(queries, 4, &mut stream, |place| {
+        let first = (0..4).map(|_| stream.unit()).collect();
+        ask_all(queries, first, &mut stream, |place| {
             assert!(place.iter().all(|u| (0.0..=1.0).contains(u)));
             let loss = place.iter().map(|u| (u - 0.7) * (u - 0.7)).sum::<f64>();
             Some(Answer { loss, success: loss < success, made: place.to_vec() })

@@ -12,7 +12,7 @@ pub use accounts::{
 };
 pub use encounters::{ContactClass, Side, Striker, assess, gaps, lateness_s, meeting};
 pub use prepared::{
-    Along, AvoidanceOptions, EgoBox, EgoCar, FollowerStart, Obstacle, Path, Plant, PlantOptions, SimError,
+    Along, AvoidanceOptions, EgoBox, EgoCar, FollowerStart, Obstacle, Path, Plant, PlantOptions, Scripts, SimError,
     SimulatorOptions, SimulatorOptionsError, Size, TrafficBoxes, body, drivable, error, options, path, plant,
     plant_options,
 };

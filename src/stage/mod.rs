@@ -18,4 +18,4 @@ pub use bystanders::Bystanders;
 pub use ego_path::EgoPath;
 pub use operator::{ActorOperator, Module, Operator, Part, Settings, Stage, StageError, Watched};
 pub use situation::{Situation, SituationError, scene_values};
-pub use source::{AskCounsel, AskTemplates, Asks, LeaderWay, Source, Sources};
+pub use source::{AskCounsel, AskTemplates, Asks, LeaderWay, Published, Source, Sources};

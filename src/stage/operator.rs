@@ -22,6 +22,8 @@ pub struct Part {
     pub offsets: Option<OffsetSpace>,
     /// Likewise, where the motion is a differentiable function of a decision vector.
     pub driven: Option<Arc<dyn Driven>>,
+    /// How many whole scenarios were simulated against the ego on the way to these candidates, whatever became of them.
+    pub simulated: usize,
 }
 
 /// A motion or search operator: works on all adversaries of a scene together.

@@ -23,6 +23,17 @@ pub struct Source {
     /// Actor kinds of the family's own -> the road users that they make adversaries.
     pub actors: BTreeMap<&'static str, ActorOperator>,
     pub asks: Asks,
+    /// The parent with the numbers that its authors published, where they published any.
+    pub published: Option<Published>,
+}
+
+/// What a lineage may start from in place of its family's parent, whose search here runs anew.
+#[derive(Clone, Debug)]
+pub struct Published {
+    pub program: Program,
+    /// The operator kind by which it reads those numbers. Where no lineage starts from a program with it, a study's contract does not
+    /// offer it, so that no question changes.
+    pub kind: Option<&'static str>,
 }
 
 /// What a family asks of agents besides patches.
@@ -66,7 +77,19 @@ impl Source {
     /// A family without code of its own.
     pub fn new(family: Family) -> Source {
         let Family { contract, parent } = family;
-        Source { contract, parent, operators: BTreeMap::new(), actors: BTreeMap::new(), asks: Asks::default() }
+        let (operators, actors) = Default::default();
+        Source { contract, parent, operators, actors, asks: Asks::default(), published: None }
+    }
+
+    /// The same without the kind of its published parent, unless one of these programs has it.
+    pub fn offering_for<'p>(mut self, programs: impl IntoIterator<Item = &'p Program>) -> Source {
+        let Some(kind) = self.published.as_ref().and_then(|published| published.kind) else { return self };
+        let has = |program: &Program| program.operator_graph.values().any(|node| node.kind == kind);
+        if !programs.into_iter().any(has) {
+            self.contract.operators.values_mut().for_each(|specs| specs.retain(|spec| spec.kind != kind));
+            self.contract.private_vocabulary.retain(|word| word != kind);
+        }
+        self
     }
 
     /// Adds the code of a motion or search kind.

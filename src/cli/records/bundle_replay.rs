@@ -15,6 +15,7 @@ use crate::families;
 use crate::kernel::Digest;
 use crate::llm::Cassette;
 use crate::objects::FamilyName;
+use crate::stage::Source;
 use crate::store::{self, Scratch};
 
 pub fn run(options: &VerifyOptions, jobs: usize) -> Result<Answer, Failure> {
@@ -83,7 +84,9 @@ fn stored(folder: &RunFolder, opened: &Opened, signed: &str, bundle: &Path) -> R
 fn check_contracts(run: &RecordedRun, bundle: &Path) -> Result<(), Failure> {
     let sources = families::sources();
     let other = |(family, then): &(&FamilyName, &Digest)| -> bool {
-        sources.get(family).is_none_or(|source| source.contract.digest().is_ok_and(|now| now != **then))
+        // What a published parent needs is offered only where one takes part.
+        let differs = |source: Source| source.contract.digest().is_ok_and(|now| now != **then);
+        sources.get(family).is_none_or(|source| differs(source.clone()) && differs(source.clone().offering_for([])))
     };
     let Some((family, _)) = run.opened.contracts.iter().filter(|_| run.opened.without.is_empty()).find(other) else {
         return Ok(());

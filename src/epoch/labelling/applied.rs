@@ -172,7 +172,7 @@ impl Applied<'_> {
                 let Some(group) = entry.group() else { continue };
                 match record {
                     Ok(record) => {
-                        runs.entry(group).or_default().extend(SafebenchRun::of(&record.outcome, safebench));
+                        runs.entry(group).or_default().extend(SafebenchRun::recorded(record, safebench));
                     }
                     Err(_) => *failures.entry(group).or_default() += 1,
                 }

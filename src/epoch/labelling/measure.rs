@@ -87,7 +87,7 @@ fn staged_run(
 ) -> Result<Option<StagedRun>, RunError> {
     let Some(group) = groups.get(scene.scene.as_str()) else { return Ok(None) };
     let Some((record, _)) = tools.rollouts.recorded(&scene.request)? else { return Ok(None) };
-    let run = SafebenchRun::of(&record.outcome, options);
+    let run = SafebenchRun::recorded(&record, options);
     Ok(run.map(|run| StagedRun { scene: scene.scene.clone(), group: *group, run, acted: scene.acted }))
 }
 

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::super::metrics::safebench::{
     Ars, Criteria, SafebenchOptions, ars, attack, criteria, run_realism, trace_score,
 };
+use crate::evaluation::record::RolloutRecord;
 use crate::kernel::num;
 use crate::objects::Objectives;
 use crate::objects::benchmark::{Benchmark, BenchmarkRow, Run, RunRealism, SafebenchRun};
@@ -17,8 +18,14 @@ use crate::sim::Outcome;
 impl SafebenchRun {
     /// `None` for an outcome of a scene that is not staged for a traffic family.
     pub fn of(outcome: &Outcome, options: &SafebenchOptions) -> Option<SafebenchRun> {
-        let published = SafebenchRun { run: Run::of(outcome)?, realism: run_realism(outcome, &options.ars)? };
+        let (run, realism) = (Run::of(outcome)?, run_realism(outcome, &options.ars)?);
+        let published = SafebenchRun { run, realism, search_rollouts: None };
         Some(options.preventable.map_or(published, |reading| reading.read(outcome, published)))
+    }
+
+    /// The same of a record, with what the program's own search cost.
+    pub fn recorded(record: &RolloutRecord, options: &SafebenchOptions) -> Option<SafebenchRun> {
+        Some(SafebenchRun { search_rollouts: record.search_rollouts(), ..SafebenchRun::of(&record.outcome, options)? })
     }
 
     /// The run alone in the plane of attack and ARS.
@@ -51,6 +58,9 @@ pub struct SafebenchScore {
     pub attack: f64,
     /// 100 A R Valid.
     pub trace_score: f64,
+    /// Mean over the runs that tell of the scenarios that were simulated against the ego before theirs was chosen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub search_rollouts: Option<f64>,
 }
 
 impl SafebenchScore {
@@ -81,6 +91,7 @@ pub fn group_score(runs: &[SafebenchRun], failures: usize) -> Option<SafebenchSc
         coverage,
         attack,
         trace_score: trace_score(attack, realism.ars, realism.valid_rate),
+        search_rollouts: num::mean(&runs.iter().filter_map(|run| run.search_rollouts.map(f64::from)).collect::<Vec<_>>()),
     })
 }
 
@@ -110,6 +121,8 @@ pub struct Table {
     pub valid_rate: f64,
     /// CR (1 - OS) of the two means: the paper's tables give 0.631 (1 - 0.589), no mean of products.
     pub attack: f64,
+    /// Mean over the families that tell.
+    pub search_rollouts: Option<f64>,
 }
 
 impl Runs {
@@ -138,6 +151,7 @@ impl Runs {
             realism: table.realism,
             valid_rate: table.valid_rate,
             attack: table.attack,
+            search_rollouts: table.search_rollouts,
         };
         let (runs, failures) = self.0.values().fold((0, 0), |(runs, failed), of| (runs + of.0.len(), failed + of.1));
         Some(Benchmark { runs, failures, families: families.collect(), mean })
@@ -165,6 +179,7 @@ impl Runs {
             coverage: mean(|s| s.coverage)?,
             valid_rate: mean(|s| s.realism.valid_rate)?,
             attack: attack(collision_rate, overall_score),
+            search_rollouts: num::mean(&families.values().filter_map(|s| s.search_rollouts).collect::<Vec<f64>>()),
             families,
         })
     }
@@ -177,6 +192,7 @@ fn row(score: &SafebenchScore) -> BenchmarkRow {
         realism: score.realism.ars,
         valid_rate: score.realism.valid_rate,
         attack: score.attack,
+        search_rollouts: score.search_rollouts,
     }
 }
 
@@ -201,6 +217,7 @@ pub mod samples {
                 lane_invasions: 0.0,
             },
             realism: RunRealism { acted: true, valid, sub_scores: [0.5, 1.0, 1.0, 1.0] },
+            search_rollouts: None,
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use super::archives::{self, LineageArchive, Scores};
+use super::archives::{self, LineageArchive, Round, Scores};
 use super::bootstrap::Estimate;
 use super::error::TableError;
 use super::key::{Kept, Of, Reads, RowKey};
@@ -39,7 +39,7 @@ const OS: Metric = Metric { name: "OS", of: |row| row.overall_score };
 /// The paper's main table: a row a generator and ego.
 pub fn safebench_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
     let all = archives::lineages(runs)?;
-    let columns = main_columns();
+    let columns = told_columns(&all);
     let row = |of: &Subject<'_>| {
         let ours = if of.seeds.is_empty() { Numbers::new() } else { main_numbers(&of.seeds) };
         let figures = of.printed.map(Method::main_figures);
@@ -47,7 +47,7 @@ pub fn safebench_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
     };
     let replays = replays(runs).into_iter().map(|replay| replay_row(replay, None, &columns));
     let rows: Vec<Row> = replays.chain(in_order(&all).iter().map(row)).collect();
-    let notes = notes(runs, &all).into_iter().chain(saturated(&rows)).collect();
+    let notes = notes(runs, &all).into_iter().chain(saturated(&rows, &all)).collect();
     let title = "Generator evolution on SafeBench's traffic families".to_string();
     Ok(Table {
         name: "safebench-main",
@@ -71,15 +71,18 @@ pub(super) fn main_columns() -> Vec<Column> {
         column("parent_ars", "Parent", "ARS", true, Form::Rate),
         column("parent_cr", "Parent", "CR", true, Form::Rate),
         column("parent_os", "Parent", "OS", false, Form::Rate),
+        Column { upward: None, ..column(SEARCHED[0], "Parent", SEARCHED_HEAD, false, Form::Number) },
         column("redrawn_attack", REDRAWN, "Attack", true, Form::Rate),
         column("redrawn_ars", REDRAWN, "ARS", true, Form::Rate),
         column("redrawn_cr", REDRAWN, "CR", true, Form::Rate),
         column("redrawn_os", REDRAWN, "OS", false, Form::Rate),
+        Column { upward: None, ..column(SEARCHED[1], REDRAWN, SEARCHED_HEAD, false, Form::Number) },
         column(FRONTIERS[0], REDRAWN, "PF-Area@3", true, Form::Gain),
         column("evolved_attack", "Evolved", "Attack", true, Form::Rate),
         column("evolved_ars", "Evolved", "ARS", true, Form::Rate),
         column("evolved_cr", "Evolved", "CR", true, Form::Rate),
         column("evolved_os", "Evolved", "OS", false, Form::Rate),
+        Column { upward: None, ..column(SEARCHED[2], "Evolved", SEARCHED_HEAD, false, Form::Number) },
         column(FRONTIERS[1], "Evolved", "PF-Area@3", true, Form::Gain),
         column("attack_change_pct", "Change", "Attack rel.", true, Form::Gain),
         column("ars_change_pp", "Change", "ARS", true, Form::Points),
@@ -88,6 +91,17 @@ pub(super) fn main_columns() -> Vec<Column> {
         column(FRONTIERS[2], "Change", "PF-Area@3", true, Form::Points),
     ]
 }
+
+/// Of these without the cost of searches, where no run tells it.
+pub(super) fn told_columns(all: &[LineageArchive]) -> Vec<Column> {
+    let tells = |round: &Round| round.runs.values().flatten().any(|run| run.search_rollouts.is_some());
+    let told = all.iter().any(|archive| archive.rounds.iter().any(tells));
+    main_columns().into_iter().filter(|column| told || !SEARCHED.contains(&column.key)).collect()
+}
+
+/// Keys of what programs simulated against the ego, in the mean over the runs that are kept, before each run's scenario was chosen.
+pub(super) const SEARCHED: [&str; 3] = ["parent_search_rollouts", "redrawn_search_rollouts", "evolved_search_rollouts"];
+const SEARCHED_HEAD: &str = "Rollouts a scene";
 
 /// What intervals of a search are drawn from.
 fn resampled(seeds: &[&LineageArchive]) -> Resampled {
@@ -127,6 +141,9 @@ pub(super) fn main_number(key: &str, scores: &Scores) -> Option<f64> {
         "evolved_ars" => after(ARS),
         "evolved_cr" => after(CR),
         "evolved_os" => after(OS),
+        "parent_search_rollouts" => searched(rounds.first()),
+        "redrawn_search_rollouts" => searched(redrawn.last()),
+        "evolved_search_rollouts" => searched(rounds.last()),
         "attack_change_pct" => {
             let (before, after) = (drawn(ATTACK)?, after(ATTACK)?);
             (before > 0.0).then(|| 100.0 * (after - before) / before)
@@ -208,6 +225,11 @@ fn replay_part(runs: &[RecordedRun]) -> Option<Part> {
         replays(runs).into_iter().flat_map(|replay| LINES.map(|metric| line(replay, &metric))).collect();
     let title = "The evolution scenes without a program".to_string();
     (!rows.is_empty()).then(|| Part { name: "safebench-rounds-replay".into(), title, source: None, rows })
+}
+
+/// Scenarios simulated before one was chosen, over all families after a round.
+fn searched(round: Option<&Option<Benchmark>>) -> Option<f64> {
+    round?.as_ref()?.mean.search_rollouts
 }
 
 /// A rate over all families after a round.
@@ -348,20 +370,35 @@ impl Subject<'_> {
 
 /// What a reader must know beside the numbers.
 /// The rows in which nearly every selected run is a collision already: little of their attack is left to gain.
-pub(super) fn saturated(rows: &[Row]) -> Option<String> {
+pub(super) fn saturated(rows: &[Row], all: &[LineageArchive]) -> Option<String> {
     let rate = |row: &Row, key: &str| {
         let cell = row.cells.iter().find(|cell| cell.column.key == key)?;
         cell.ours.map(|own| own.value)
     };
     let full = |row: &&Row| rate(row, "evolved_cr").is_some_and(|rate| rate >= SATURATED);
     let named: Vec<String> = rows.iter().filter(full).map(|row| row.labels.join("/")).collect();
+    let ceilings: Vec<String> = rows.iter().filter(full).filter_map(|row| at_ceiling(row, all)).collect();
     (!named.is_empty()).then(|| {
         format!(
             "Saturated: in {} the ego collides in nearly every run that is kept (CR at least {SATURATED}), so such rows tell programs apart \
-             by the overall score and realism alone; look at safebench-held-out first.",
-            named.join(", ")
+             by the overall score and realism alone; look at safebench-held-out first. A group in which all that is kept of the parent, \
+             drawn as often as the search drew, are collisions can show no gain: {}.",
+            named.join(", "),
+            ceilings.join(", ")
         )
     })
+}
+
+/// Of how many of a row's groups every kept run of what it is compared with is a collision.
+fn at_ceiling(row: &Row, all: &[LineageArchive]) -> Option<String> {
+    let own: Vec<&LineageArchive> = all.iter().filter(|of| row.lineages.contains(&of.lineage.to_string())).collect();
+    let (mut full, mut groups) = (0, 0);
+    for archive in own {
+        let before = archive.redrawn.last().or(archive.rounds.first())?;
+        full += before.runs.values().filter(|runs| runs.iter().all(|run| run.run.collision)).count();
+        groups += archive.groups().len();
+    }
+    Some(format!("{} {full} of {groups}", row.labels.join("/")))
 }
 
 fn notes(runs: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {

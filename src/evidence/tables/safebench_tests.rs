@@ -34,6 +34,7 @@ fn drive(collision: bool) -> SafebenchRun {
             lane_invasions: 0.0,
         },
         realism: RunRealism { acted: true, valid: true, sub_scores: [0.5, 1.0, 1.0, 1.0] },
+        search_rollouts: None,
     }
 }
 
@@ -262,13 +263,17 @@ fn a_search_that_draws_its_parent_again_gains_nothing() {
 
 #[test]
 fn rows_in_which_nearly_every_run_is_a_collision_are_called_saturated() {
-    let table = safebench_main(&[recorded(&[&ADVSIM])]).unwrap();
+    let run = drawn();
+    let all = archives::lineages(std::slice::from_ref(&run)).unwrap();
+    let table = safebench_main(&[run]).unwrap();
     let mut rows: Vec<Row> = table.rows().cloned().collect();
-    assert_eq!(safebench::saturated(&rows), None);
+    assert_eq!(safebench::saturated(&rows, &all), None);
     let advsim = rows.iter_mut().find(|row| row.labels == ["AS", "IDM"]).unwrap();
     let cell = advsim.cells.iter_mut().find(|cell| cell.column.key == "evolved_cr").unwrap();
     cell.ours = Some(Estimate::plain(0.96));
-    assert!(safebench::saturated(&rows).is_some_and(|note| note.contains("in AS/IDM the ego")));
+    let note = safebench::saturated(&rows, &all).unwrap();
+    // Both routes of the right turn, and neither of lane changing.
+    assert!(note.contains("in AS/IDM the ego") && note.ends_with("AS/IDM 2 of 4."), "{note}");
 }
 
 #[test]
@@ -396,7 +401,7 @@ fn runs_of_the_other_protocol_and_records_that_contradict_themselves_are_refused
 fn the_first_row_is_what_a_program_that_does_nothing_scores() {
     let mut made = recorded(&[&ADVSIM]);
     let benchmark =
-        BenchmarkRow { collision_rate: 0.0, overall_score: 0.97, realism: 0.0, valid_rate: 0.0, attack: 0.0 };
+        BenchmarkRow { collision_rate: 0.0, overall_score: 0.97, realism: 0.0, valid_rate: 0.0, attack: 0.0, search_rollouts: None };
     for suite in [Suite::Evolution, Suite::HeldOut] {
         let row = ReplayRow {
             ego: "idm".into(),
@@ -571,4 +576,25 @@ fn every_format_is_rectangular_and_holds_our_numbers_and_the_papers() {
         assert_eq!(json["rows"][0]["groups"], 4);
         assert_eq!(json["rows"][0]["source"], table.parts[0].source.unwrap());
     }
+}
+
+#[test]
+fn rollouts_a_scene_are_the_mean_of_what_kept_runs_tell_and_without_any_there_is_no_column() {
+    let mut made = drawn();
+    let told = |made: &RecordedRun| {
+        let table = safebench_main(std::slice::from_ref(made)).unwrap();
+        table.columns.iter().any(|column| safebench::SEARCHED.contains(&column.key)).then_some(table)
+    };
+    assert!(told(&made).is_none());
+    for round in &mut made.rounds {
+        let own = if round.round == 0 { 9 } else { 41 };
+        // One of two routes of each family met the ego at once.
+        let numbers = [2, own].into_iter().cycle();
+        round.selected.iter_mut().zip(numbers).for_each(|(kept, number)| kept.run.search_rollouts = Some(number));
+    }
+    let table = told(&made).unwrap();
+    for (key, expected) in [("parent_search_rollouts", 5.5), ("evolved_search_rollouts", 21.5)] {
+        assert!((ours(&table, &["AS", "IDM"], key).value - expected).abs() < 1e-12, "{key}");
+    }
+    assert!(cell(&table, &["AS", "IDM"], "redrawn_search_rollouts").ours.is_none(), "nobody told of the redrawn parent");
 }

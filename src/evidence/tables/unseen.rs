@@ -11,7 +11,7 @@ use super::labels;
 use super::layout::{Cell, Column, Form, METHOD, Numbers, POLICY, Part, Table};
 use super::notes;
 use super::resampled::Resampled;
-use super::safebench::{COUNTS, FRONTIERS, REDRAWN, Subject, in_order, main_columns, main_numbers};
+use super::safebench::{COUNTS, FRONTIERS, REDRAWN, Subject, in_order, main_numbers, told_columns};
 use crate::evaluation::Group;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
@@ -57,7 +57,7 @@ pub(super) fn seen(run: &RecordedRun, result: &LineageResult) -> Option<Both> {
 /// A row a generator and ego: its parent and the program that was chosen, on held-out routes and on seen ones.
 pub fn safebench_held_out(runs: &[RecordedRun]) -> Result<Table, TableError> {
     let all = archives::held_out(runs)?;
-    let columns = columns();
+    let columns = columns(&all);
     let row = |of: &Subject<'_>| {
         let numbers: Numbers = seen_numbers(runs, of).into_iter().chain(main_numbers(&of.seeds)).collect();
         of.row(Reads::ByColumn, &[], Cell::row(&columns, &numbers, None))
@@ -90,13 +90,13 @@ pub fn held_out_change(run: &RecordedRun, of: &[&LineageResult]) -> Option<[Esti
 
 /// The seen routes first, then the main table's columns but for the frontier's, which has no held-out reading, and the redrawn parent's:
 /// routes that chose nothing need no such control.
-fn columns() -> Vec<Column> {
+fn columns(all: &[archives::LineageArchive]) -> Vec<Column> {
     let group = |group| match group {
         "Parent" => "Held-out: parent",
         "Evolved" => "Held-out: chosen",
         _ => "Held-out: change",
     };
-    let held_out = main_columns().into_iter();
+    let held_out = told_columns(all).into_iter();
     let held_out = held_out.filter(|column| column.group != REDRAWN && !FRONTIERS.contains(&column.key));
     let held_out = held_out.map(|column| Column { group: group(column.group), ..column });
     SEEN.map(|(column, _)| column).into_iter().chain(held_out).collect()

@@ -249,7 +249,7 @@ mod tests {
     fn parts(situation: &Situation) -> Vec<Part> {
         let part = |actor: usize| {
             let window = Window { from_step: 1, steps: 30 };
-            let mut part = Part { actor, window, candidates: vec![], offsets: None, driven: None };
+            let mut part = Part { actor, window, candidates: vec![], offsets: None, driven: None, simulated: 0 };
             let (start, samples) = following::record(&situation.scene.tracks[actor], window).unwrap();
             let space: Arc<dyn Driven> = Arc::new(ActionSpace::following(start, &samples, 0.25, 3.0, 4.952399));
             open(&mut part, situation, Some(space));

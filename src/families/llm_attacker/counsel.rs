@@ -79,7 +79,7 @@ fn reach(stage: &Stage<'_>, settings: &Settings, track: TrackIx) -> Result<bool,
     let from_step = stage.situation.first_step();
     let asked = (settings.number("duration_s")? / DT_S).round().clamp(0.0, 1e6) as usize;
     let window = Window { from_step, steps: asked.min(stage.situation.scene.steps.saturating_sub(from_step)) };
-    let mut part = [Part { actor: track, window, candidates: vec![], offsets: None, driven: None }];
+    let mut part = [Part { actor: track, window, candidates: vec![], offsets: None, driven: None, simulated: 0 }];
     prior::propose(stage, &prior::options(settings, PRIOR)?, &mut part);
     let discount = settings.number("attack_discount")?;
     Ok(reaches(stage.situation, track, from_step, discount, &mut part[0].candidates))

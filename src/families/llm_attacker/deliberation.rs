@@ -234,6 +234,7 @@ mod tests {
             candidates: vec![candidate(2.0, 1.0), candidate(6.0, 3.0), candidate(10.0, 2.0)],
             offsets: None,
             driven: None,
+            simulated: 0,
         };
         vec![part(4), part(7)]
     }

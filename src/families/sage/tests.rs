@@ -30,7 +30,7 @@ fn proposed(situation: &Situation, theta: &[f64]) -> Vec<Part> {
     let stage = Stage { situation, seed: Seed(3), counsel: None };
     let (actor, from_step) = (situation.marked().next().unwrap(), situation.first_step());
     let window = Window { from_step, steps: situation.scene.steps - from_step };
-    let mut parts = vec![Part { actor, window, candidates: vec![], offsets: None, driven: None }];
+    let mut parts = vec![Part { actor, window, candidates: vec![], offsets: None, driven: None, simulated: 0 }];
     propose(&stage, &contract::prior_options(), theta, &mut parts);
     parts
 }
@@ -73,7 +73,7 @@ fn goals_are_measured_anew_where_anything_that_they_depend_on_differs() {
         let stage = Stage { situation, seed: Seed(3), counsel: None };
         let (actor, from_step) = (situation.marked().next().unwrap(), situation.first_step() + later);
         let window = Window { from_step, steps: situation.scene.steps - from_step - shorter };
-        let mut parts = vec![Part { actor, window, candidates: vec![], offsets: None, driven: None }];
+        let mut parts = vec![Part { actor, window, candidates: vec![], offsets: None, driven: None, simulated: 0 }];
         propose(&stage, options, &mixed, &mut parts);
         parts.remove(0).candidates
     };

@@ -22,6 +22,27 @@ pub struct SimulatorOptions {
     /// `place_of_kind` needs it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub of_place: bool,
+    /// Which form of SafeBench's scripts traffic families stage. Absent from what is written where it is the first.
+    #[serde(default, skip_serializing_if = "Scripts::are_as_defined")]
+    pub scripts: Scripts,
+}
+
+/// The form of SafeBench's scripts. Its scenarios define a stop condition that nobody there calls: `check_stop_condition` of
+/// `scenario_definition/*/object_crash_vehicle.py` and its siblings.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Scripts {
+    /// As its scenarios define them: who has gone far enough stops there; family 1 has a pedestrian, whoever plays it.
+    #[default]
+    AsDefined,
+    /// As its scenarios run: nobody stops, and the adversary of AT's family 1 is a bicycle (`adv_trajectory/object_crash_vehicle.py` 58).
+    AsRun,
+}
+
+impl Scripts {
+    fn are_as_defined(&self) -> bool {
+        *self == Scripts::AsDefined
+    }
 }
 
 impl SimulatorOptions {
@@ -31,6 +52,7 @@ impl SimulatorOptions {
         avoidance: AvoidanceOptions::SHIPPED,
         of_kind: false,
         of_place: false,
+        scripts: Scripts::AsDefined,
     };
 
     /// What goes into a rollout's key.

@@ -9,22 +9,24 @@ use std::sync::{Arc, OnceLock};
 use evodrive::archive::{Account, ArchiveOptions, Means, Measure};
 use evodrive::ego::Policy;
 use evodrive::evaluation::{
-    CacheError, EvaluationOptions, Group, RolloutCache, RolloutRecord, Runs, SafebenchOptions, SceneRef, Subject,
-    evaluate,
+    CacheError, EvaluationOptions, Group, PreventableOptions, RolloutCache, RolloutRecord, Runs, SafebenchOptions, SceneRef, StandingOptions,
+    Subject, evaluate,
 };
 use evodrive::kernel::{Digest, Pose, Seed, Threads, Vec2};
 use evodrive::motion::traffic_family::{actions, standard};
 use evodrive::objects::benchmark::SafebenchRun;
 use evodrive::objects::{SceneScore, Score};
-use evodrive::scene::AgentKind;
+use evodrive::scene::{AgentKind, PreparedScene};
 use evodrive::scene::safebench::{Stage as FamilyStage, TrafficFamily};
-use evodrive::sim::{Action, Outcome, Phase, Script, Trigger, Until};
-use evodrive::synth::{FamilyOptions, family_member};
+use evodrive::sim::{
+    Action, ContactClass, Intervention, Outcome, Phase, Plant, Script, Scripts, SimulatorOptions, Trigger, Until, rollout_assessed,
+};
+use evodrive::synth::{FamilyOptions, family_member, family_scene};
 
 use super::accepted::{Verdict, archive, verdict};
 use super::tricks::{self, Plan, Stage};
 use super::{TEMPTING_MIN, played, prepared};
-use crate::harness::experiment;
+use crate::harness::{experiment, home};
 
 /// The protocol's bound of what may be reported.
 const REALISM_MIN: f64 = 0.8;
@@ -136,7 +138,7 @@ fn a_walker_dashes(stage: &Stage) -> Option<Plan> {
     let family = FamilyStage::of(&stage.situation.scene)?;
     let [_, _, start_m] = standard(family.staging().family)[..] else { return None };
     let walks = family.staging().family == TrafficFamily::StraightObstacle;
-    walks.then(|| actions(&family, &[12.0, 8.0, start_m]).ok().map(|actions| (None, actions)))?
+    walks.then(|| actions(&family, &[12.0, 8.0, start_m], Scripts::AsDefined).ok().map(|actions| (None, actions)))?
 }
 
 /// The bounds of the shipped protocol and of its preventable reading.
@@ -301,4 +303,68 @@ fn no_cheap_winner_passes_its_fence_on_staged_scenes_and_each_is_reported_withou
     println!("{table}");
     assert!(wrong.is_empty(), "{wrong:#?}\n{table}");
     insta::assert_snapshot!("staged", table);
+}
+
+/// A body on the ego's way: who, metres beside it to the right at first, turned so much, how fast, for how many metres.
+struct Body {
+    kind: AgentKind,
+    right_m: f64,
+    turned_rad: f64,
+    mps: f64,
+    way_m: f64,
+}
+
+/// The ego's run against a body 40 m behind the trigger of a straight road, which sets off when the ego is within 45 m.
+fn against(body: &Body, route: u32, ego: &Policy) -> Outcome {
+    let scene = Arc::new(family_scene(TrafficFamily::StraightObstacle, route, Seed(7)));
+    let way = FamilyStage::of(&scene).expect("a staged scene").ahead(40.0);
+    let right = -Vec2::from_heading(way.heading_rad).left();
+    let (length_m, width_m) = if body.kind == AgentKind::Pedestrian { (0.6, 0.6) } else { (4.8, 2.0) };
+    let script = Script {
+        kind: body.kind,
+        length_m,
+        width_m,
+        spawn: Pose { position: way.position + right * body.right_m, heading_rad: way.heading_rad + body.turned_rad },
+        trigger: Trigger { reference: 0, distance_m: 45.0, ego_speed_mps_min: 0.0 },
+        phases: vec![Phase::straight(body.mps, Until::Driven { m: body.way_m })],
+    };
+    let options = SimulatorOptions { of_kind: true, ..SimulatorOptions::SHIPPED };
+    let plant = Plant::with_options(PreparedScene::new(scene), &options).unwrap();
+    let intervention = Intervention { actions: vec![Action::Triggered(script)] };
+    rollout_assessed(&plant, &intervention, ego.driver().as_mut()).unwrap()
+}
+
+/// The preventable reading asks what a careful driver could have done, and every body that stands on the way could have been spared. An ego
+/// that is blind for it or brakes for nobody meets each of them, so that they are the cheapest successes there are.
+#[test]
+fn a_body_that_only_stands_or_creeps_on_a_blind_egos_way_is_no_success_and_one_that_came_to_stand_is() {
+    let weights = std::fs::read(home().join("policies/sac-safebench.safetensors")).unwrap();
+    let blind = Policy::learned(&weights).unwrap();
+    let fence = preventable().preventable.and_then(|reading| reading.standing).expect("the shipped file has the fence");
+    let fenced = preventable();
+    let open = |standing| SafebenchOptions {
+        preventable: fenced.preventable.map(|reading| PreventableOptions { standing, ..reading }),
+        ..fenced
+    };
+    // Fences that always say yes and always say no.
+    let (never, always) = (StandingOptions { visible_s_min: 0.0, speed_mps_min: 0.0 }, StandingOptions { visible_s_min: 99.0, ..fence });
+    let left = std::f64::consts::FRAC_PI_2;
+    let bodies = [
+        ("a car stands from the beginning", Body { kind: AgentKind::Vehicle, right_m: 0.0, turned_rad: 0.0, mps: 0.0, way_m: 0.0 }, false),
+        ("a walker creeps", Body { kind: AgentKind::Pedestrian, right_m: 0.5, turned_rad: left, mps: 0.12, way_m: 99.0 }, false),
+        ("a walker comes to stand", Body { kind: AgentKind::Pedestrian, right_m: 3.0, turned_rad: left, mps: 1.5, way_m: 3.0 }, true),
+    ];
+    for (name, body, counts) in bodies {
+        for route in [4, 5, 6, 8] {
+            let outcome = against(&body, route, &blind);
+            let contact = outcome.contact.unwrap_or_else(|| panic!("{name} on route {route}: not met"));
+            let success = |options: &SafebenchOptions| SafebenchRun::of(&outcome, options).unwrap().run.collision;
+            let told = format!("{name} on route {route}: {contact:?}");
+            assert!(success(&open(None)) && success(&open(Some(never))), "without the fence {told}");
+            assert_eq!(success(&fenced), counts, "{told}");
+            assert!(contact.class != ContactClass::StationaryHit || !success(&open(Some(always))), "{told}");
+            // Who brakes has nothing to fear of any of them.
+            assert!(against(&body, route, &Policy::Idm).contact.is_none(), "{name} on route {route}: IDM meets it");
+        }
+    }
 }

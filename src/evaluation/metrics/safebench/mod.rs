@@ -13,7 +13,7 @@ pub use ars::{
     ValidityOptions, WEIGHTS, ars, run_realism,
 };
 pub use overall::{Criteria, criteria};
-pub use preventable::PreventableOptions;
+pub use preventable::{PreventableOptions, StandingOptions};
 
 /// What SafeBench's protocol rests on beside its formulas.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -63,7 +63,7 @@ mod tests {
             other.ars.map.off_road_tolerance_m = no_number;
             assert_eq!(other.fault().map(|(name, _)| name), Some("map.off_road_tolerance_m"), "{no_number}");
             if no_number != 0.0 {
-                let bounds = PreventableOptions { wrong_way_m_max: no_number, unrolled_m_max: 1.0 };
+                let bounds = PreventableOptions { wrong_way_m_max: no_number, unrolled_m_max: 1.0, standing: None };
                 let fault = SafebenchOptions { preventable: Some(bounds), ..whole }.fault();
                 assert_eq!(fault.map(|(name, _)| name), Some("preventable.wrong_way_m_max"), "{no_number}");
             }

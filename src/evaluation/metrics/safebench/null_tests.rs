@@ -12,7 +12,7 @@ use crate::motion::traffic_family::{actions, standard};
 use crate::objects::benchmark::SafebenchRun;
 use crate::scene::Scene;
 use crate::scene::safebench::{Stage, TrafficFamily};
-use crate::sim::{Action, Intervention, Plant, rollout};
+use crate::sim::{Action, Intervention, Plant, Scripts, rollout};
 use crate::synth::{FamilyOptions, family_member};
 
 fn pool() -> Vec<(Group, Scene)> {
@@ -33,7 +33,7 @@ fn labelled(pool: &[(Group, Scene)], program: impl Fn(&Scene) -> Vec<Action>) ->
 
 fn published(scene: &Scene) -> Vec<Action> {
     let stage = Stage::of(scene).unwrap();
-    actions(&stage, &standard(stage.staging().family)).unwrap()
+    actions(&stage, &standard(stage.staging().family), Scripts::AsDefined).unwrap()
 }
 
 /// The published actors a kilometre away, where nothing ever sets them off.

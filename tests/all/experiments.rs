@@ -237,6 +237,32 @@ fn labels_that_a_protocol_does_not_read_are_refused_and_those_that_it_reads_are_
 }
 
 #[test]
+fn a_lineage_starts_from_published_numbers_where_its_family_has_some_and_no_other_question_hears_of_them() {
+    let published = |text: String| text.replace("ego = \"idm\"", "ego = \"idm\"\npublished = true");
+    let none = refused("experiments/safebench/human-idm.toml", published);
+    assert!(none.contains("lineage[0].published") && none.contains("adv_traj, advsim, chatscene"), "{none}");
+    let study = |file: &str, change: &dyn Fn(String) -> String| {
+        let text = composed(&crate::harness::home().join(file)).unwrap().whole_text().unwrap();
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("changed.toml");
+        let few = |text: String| text.replace("draws = 4", "draws = 1").replace("count = 256", "count = 64");
+        let few = |text: String| few(text).replace("held_out = 64", "held_out = 16").replace("window = 256", "window = 64");
+        std::fs::write(&path, change(few(text))).unwrap();
+        let (experiment, threads) = (read(&path), Threads::new(1).unwrap());
+        let pool = experiment.pool(&threads).unwrap();
+        experiment.study(pool, &threads).unwrap()
+    };
+    let family = FamilyName::new("advsim");
+    let (kept, theirs) = ("experiments/safebench/advsim-idm.toml", |text: String| published(text));
+    let (own, shipped) = (study(kept, &|text| text), study(kept, &theirs));
+    let kind = "shipped_speeds";
+    assert!(!own.contract_texts[&family].contains(kind) && shipped.contract_texts[&family].contains(kind));
+    let parents = [&own, &shipped].map(|study| study.parent(&study.lineages[0]).unwrap());
+    let searches = parents.map(|parent| parent.operator_graph["search"].kind.clone());
+    assert_eq!(searches, ["speed_queries", kind]);
+}
+
+#[test]
 fn every_shipped_experiment_keeps_its_digest() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments");
     let mut paths =

@@ -40,7 +40,7 @@ mod tests {
 
     #[test]
     fn the_sequences_are_those_of_the_ports() {
-        let first = |port, number| sequence(port, TrafficFamily::ALL[number - 1], 0)[0];
+        let first = |port, number: usize| sequence(port, TrafficFamily::ALL[number - 1], 0)[0];
         // The first number of numpy's stream of seed 1, with which AdvSim's search begins.
         assert!((first(Port::AdvSim, 1) - 0.417_022_004_702_574).abs() < 1e-7);
         assert!((first(Port::AdvSim, 3) - 0.537_007_116_840_540_7).abs() < 1e-7);

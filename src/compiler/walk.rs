@@ -184,7 +184,14 @@ impl<'p> Walk<'_, 'p> {
                 for (index, actor) in flow.actors.iter().enumerate() {
                     let place = (index, flow.actors.len());
                     let window = timing::window(stage.situation, *actor, place, kind, settings)?;
-                    let part = |window| Part { actor: *actor, window, candidates: vec![], offsets: None, driven: None, simulated: 0 };
+                    let part = |window| Part {
+                        actor: *actor,
+                        window,
+                        candidates: vec![],
+                        offsets: None,
+                        driven: None,
+                        simulated: 0,
+                    };
                     flow.parts.extend(window.map(part));
                 }
                 nothing(flow.parts.is_empty(), "no window of a second fits into the scene and the actor's log")

@@ -159,13 +159,18 @@ fn published_of<'s>(
     let known = || sources.iter().filter_map(|source| Some((&source.contract.family, source.published.as_ref()?)));
     match (lineage.published, &lineage.parent_program) {
         (false, _) => Ok(None),
-        (true, Some(_)) => Err(refused("false: parent_program already names the whole parent; remove one of the two".into())),
+        (true, Some(_)) => {
+            Err(refused("false: parent_program already names the whole parent; remove one of the two".into()))
+        }
         (true, None) => match known().find(|(family, _)| **family == lineage.family) {
             Some((_, published)) => Ok(Some(&published.program)),
             None => {
                 let names: Vec<&str> = known().map(|(family, _)| family.as_str()).collect();
                 let family = &lineage.family;
-                Err(refused(format!("false: nothing is published for {family}, only for {}; take it out", names.join(", "))))
+                Err(refused(format!(
+                    "false: nothing is published for {family}, only for {}; take it out",
+                    names.join(", ")
+                )))
             }
         },
     }

@@ -168,7 +168,9 @@ fn optimised(family: &Family) -> Program {
     for kind in &KINDS {
         for (drawn, (low, high)) in DRAWN.iter().zip(kind.optimised) {
             let ends = [("low", low), ("high", high)];
-            program.parameters.extend(ends.map(|(end, value)| grammar::value(&range_name(kind.name, drawn, end), value)));
+            program
+                .parameters
+                .extend(ends.map(|(end, value)| grammar::value(&range_name(kind.name, drawn, end), value)));
         }
     }
     program.parameters.extend([grammar::value("template_samples", SAMPLES_MIN as f64)]);
@@ -179,7 +181,10 @@ fn optimised(family: &Family) -> Program {
 pub fn family() -> Family {
     let ranges = range_parameters();
     let sampling = [
-        own(parameter("template_samples", integer(SAMPLES_MIN, 50, "1"), "scenarios drawn a scene; 50 in ChatScene"), 12.0),
+        own(
+            parameter("template_samples", integer(SAMPLES_MIN, 50, "1"), "scenarios drawn a scene; 50 in ChatScene"),
+            12.0,
+        ),
         own(parameter("shrink_every", integer(2, 25, "1"), "samples between two steps of the ranges; 10 there"), 4.0),
     ];
     let behaviours = KINDS.iter().map(|kind| interface::word(kind.setting, kind.behaviours[0].word()));

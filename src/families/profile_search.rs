@@ -13,8 +13,8 @@ use crate::motion::script_space::{PROFILE_VALUES, Perturbation, ScriptSpace};
 use crate::motion::traffic_family::{self, actions, standard};
 use crate::objects::{Slot, ValueType};
 use crate::scene::safebench::{Stage as Places, TrafficFamily};
-use crate::sim::Action;
 use crate::search::query_search::{Answer, Queries, ask_all};
+use crate::sim::Action;
 use crate::stage::judged::Judged;
 use crate::stage::{Part, Published, Settings, Stage, StageError, scripted};
 

@@ -89,9 +89,9 @@ mod tests {
     use crate::ego::Policy;
     use crate::kernel::{Seed, Vec2};
     use crate::objects::FamilyName;
-    use crate::scene::{AgentKind, PreparedScene, Scene};
     use crate::scene::fixture::two_lane_scene;
     use crate::scene::safebench::TrafficFamily;
+    use crate::scene::{AgentKind, PreparedScene, Scene};
     use crate::sim::{self, Action, Script, Speed, Way};
     use crate::stage::{Situation, Source};
     use crate::synth::family_scene;
@@ -234,7 +234,7 @@ mod tests {
         for name in [advsim::NAME, adv_traj::NAME] {
             let source = sources().get(&FamilyName::new(name)).unwrap().clone();
             let (program, kind) = source.published.clone().map(|of| (of.program, of.kind.unwrap())).unwrap();
-            let offers = |source: &Source| source.contract.names().contains(kind);
+            let offers = |source: &Source| source.contract.names().contains(&format!("operator search/{kind}"));
             let without = source.clone().offering_for([&source.parent]);
             assert!(offers(&source.clone().offering_for([&program])) && !offers(&without), "{name}");
             assert!(without.contract.check_program(&source.parent).is_empty());

@@ -244,12 +244,7 @@ fn walker_behind_a_machine(
 }
 
 /// Families 5 to 8: the actor drives straight on from its frame; it is to stop when it has left the crossing.
-fn crossing_car(
-    family: TrafficFamily,
-    spawn: Pose,
-    [speed_mps, trigger_m]: [f64; 2],
-    scripts: Scripts,
-) -> Action {
+fn crossing_car(family: TrafficFamily, spawn: Pose, [speed_mps, trigger_m]: [f64; 2], scripts: Scripts) -> Action {
     let waits = family == TrafficFamily::RedLightRunning;
     let far_m = match family {
         TrafficFamily::RedLightRunning | TrafficFamily::CrossingNegotiation => CROSSED_M,
@@ -376,8 +371,9 @@ mod tests {
     #[test]
     fn parameters_that_are_none_and_roads_that_do_not_fit_are_told() {
         let mut scene = family_scene(TrafficFamily::VehiclePassing, 5, Seed(7));
-        let refusal =
-            |scene: &Scene, values: &[f64]| actions(&Stage::of(scene).unwrap(), values, Scripts::AsDefined).unwrap_err().to_string();
+        let refusal = |scene: &Scene, values: &[f64]| {
+            actions(&Stage::of(scene).unwrap(), values, Scripts::AsDefined).unwrap_err().to_string()
+        };
         assert!(refusal(&scene, &[1.0]).contains("4 parameters"));
         assert!(refusal(&scene, &[50.0, f64::NAN, 8.0, 45.0]).contains("oncoming_gap_m"));
         scene.road.lanes.iter_mut().for_each(|lane| lane.left_neighbours.clear());

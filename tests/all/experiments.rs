@@ -246,10 +246,11 @@ fn a_lineage_starts_from_published_numbers_where_its_family_has_some_and_no_othe
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("changed.toml");
         let few = |text: String| text.replace("draws = 4", "draws = 1").replace("count = 256", "count = 64");
-        let few = |text: String| few(text).replace("held_out = 64", "held_out = 16").replace("window = 256", "window = 64");
+        let few =
+            |text: String| few(text).replace("held_out = 64", "held_out = 16").replace("window = 256", "window = 64");
         std::fs::write(&path, change(few(text))).unwrap();
         let (experiment, threads) = (read(&path), Threads::new(1).unwrap());
-        let pool = experiment.pool(&threads).unwrap();
+        let pool = experiment.scenes(&[], &threads).unwrap();
         experiment.study(pool, &threads).unwrap()
     };
     let family = FamilyName::new("advsim");

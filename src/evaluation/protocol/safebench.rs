@@ -91,7 +91,9 @@ pub fn group_score(runs: &[SafebenchRun], failures: usize) -> Option<SafebenchSc
         coverage,
         attack,
         trace_score: trace_score(attack, realism.ars, realism.valid_rate),
-        search_rollouts: num::mean(&runs.iter().filter_map(|run| run.search_rollouts.map(f64::from)).collect::<Vec<_>>()),
+        search_rollouts: num::mean(
+            &runs.iter().filter_map(|run| run.search_rollouts.map(f64::from)).collect::<Vec<_>>(),
+        ),
     })
 }
 

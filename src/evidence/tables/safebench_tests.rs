@@ -400,8 +400,14 @@ fn runs_of_the_other_protocol_and_records_that_contradict_themselves_are_refused
 #[test]
 fn the_first_row_is_what_a_program_that_does_nothing_scores() {
     let mut made = recorded(&[&ADVSIM]);
-    let benchmark =
-        BenchmarkRow { collision_rate: 0.0, overall_score: 0.97, realism: 0.0, valid_rate: 0.0, attack: 0.0, search_rollouts: None };
+    let benchmark = BenchmarkRow {
+        collision_rate: 0.0,
+        overall_score: 0.97,
+        realism: 0.0,
+        valid_rate: 0.0,
+        attack: 0.0,
+        search_rollouts: None,
+    };
     for suite in [Suite::Evolution, Suite::HeldOut] {
         let row = ReplayRow {
             ego: "idm".into(),
@@ -596,5 +602,8 @@ fn rollouts_a_scene_are_the_mean_of_what_kept_runs_tell_and_without_any_there_is
     for (key, expected) in [("parent_search_rollouts", 5.5), ("evolved_search_rollouts", 21.5)] {
         assert!((ours(&table, &["AS", "IDM"], key).value - expected).abs() < 1e-12, "{key}");
     }
-    assert!(cell(&table, &["AS", "IDM"], "redrawn_search_rollouts").ours.is_none(), "nobody told of the redrawn parent");
+    assert!(
+        cell(&table, &["AS", "IDM"], "redrawn_search_rollouts").ours.is_none(),
+        "nobody told of the redrawn parent"
+    );
 }

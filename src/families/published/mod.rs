@@ -22,7 +22,8 @@ pub enum Port {
 
 /// One of a port's sequences, `number` from 0 to 9.
 pub fn sequence(port: Port, family: TrafficFamily, number: usize) -> Vec<f64> {
-    let place = ((port as usize * TrafficFamily::ALL.len() + family.number() - 1) * SEQUENCES + number) * PROFILE_VALUES;
+    let place =
+        ((port as usize * TrafficFamily::ALL.len() + family.number() - 1) * SEQUENCES + number) * PROFILE_VALUES;
     let numbers = NUMBERS.chunks_exact(4).skip(place).take(PROFILE_VALUES);
     numbers.map(|bytes| f64::from(bytes.try_into().map_or(0.5, f32::from_le_bytes))).collect()
 }

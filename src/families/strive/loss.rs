@@ -209,7 +209,8 @@ mod tests {
         let options = LatentOptions { modes: 3, acceleration_spread_mps2: 1.05, curvature_spread_1pm: 0.005 };
         let part = |actor: &usize| {
             let window = Window { from_step: 1, steps: 40 };
-            let mut part = Part { actor: *actor, window, candidates: vec![], offsets: None, driven: None, simulated: 0 };
+            let mut part =
+                Part { actor: *actor, window, candidates: vec![], offsets: None, driven: None, simulated: 0 };
             let (start, samples) = following::record(&situation.scene.tracks[*actor], window).unwrap();
             let space: Arc<dyn Driven> = Arc::new(LatentSpace::new(start, &samples, &[], &options));
             open(&mut part, situation, Some(space));

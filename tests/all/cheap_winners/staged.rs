@@ -9,17 +9,18 @@ use std::sync::{Arc, OnceLock};
 use evodrive::archive::{Account, ArchiveOptions, Means, Measure};
 use evodrive::ego::Policy;
 use evodrive::evaluation::{
-    CacheError, EvaluationOptions, Group, PreventableOptions, RolloutCache, RolloutRecord, Runs, SafebenchOptions, SceneRef, StandingOptions,
-    Subject, evaluate,
+    CacheError, EvaluationOptions, Group, PreventableOptions, RolloutCache, RolloutRecord, Runs, SafebenchOptions,
+    SceneRef, StandingOptions, Subject, evaluate,
 };
 use evodrive::kernel::{Digest, Pose, Seed, Threads, Vec2};
 use evodrive::motion::traffic_family::{actions, standard};
 use evodrive::objects::benchmark::SafebenchRun;
 use evodrive::objects::{SceneScore, Score};
-use evodrive::scene::{AgentKind, PreparedScene};
 use evodrive::scene::safebench::{Stage as FamilyStage, TrafficFamily};
+use evodrive::scene::{AgentKind, PreparedScene};
 use evodrive::sim::{
-    Action, ContactClass, Intervention, Outcome, Phase, Plant, Script, Scripts, SimulatorOptions, Trigger, Until, rollout_assessed,
+    Action, ContactClass, Intervention, Outcome, Phase, Plant, Script, Scripts, SimulatorOptions, Trigger, Until,
+    rollout_assessed,
 };
 use evodrive::synth::{FamilyOptions, family_member, family_scene};
 
@@ -347,12 +348,25 @@ fn a_body_that_only_stands_or_creeps_on_a_blind_egos_way_is_no_success_and_one_t
         ..fenced
     };
     // Fences that always say yes and always say no.
-    let (never, always) = (StandingOptions { visible_s_min: 0.0, speed_mps_min: 0.0 }, StandingOptions { visible_s_min: 99.0, ..fence });
+    let (never, always) =
+        (StandingOptions { visible_s_min: 0.0, speed_mps_min: 0.0 }, StandingOptions { visible_s_min: 99.0, ..fence });
     let left = std::f64::consts::FRAC_PI_2;
     let bodies = [
-        ("a car stands from the beginning", Body { kind: AgentKind::Vehicle, right_m: 0.0, turned_rad: 0.0, mps: 0.0, way_m: 0.0 }, false),
-        ("a walker creeps", Body { kind: AgentKind::Pedestrian, right_m: 0.5, turned_rad: left, mps: 0.12, way_m: 99.0 }, false),
-        ("a walker comes to stand", Body { kind: AgentKind::Pedestrian, right_m: 3.0, turned_rad: left, mps: 1.5, way_m: 3.0 }, true),
+        (
+            "a car stands from the beginning",
+            Body { kind: AgentKind::Vehicle, right_m: 0.0, turned_rad: 0.0, mps: 0.0, way_m: 0.0 },
+            false,
+        ),
+        (
+            "a walker creeps",
+            Body { kind: AgentKind::Pedestrian, right_m: 0.5, turned_rad: left, mps: 0.12, way_m: 99.0 },
+            false,
+        ),
+        (
+            "a walker comes to stand",
+            Body { kind: AgentKind::Pedestrian, right_m: 3.0, turned_rad: left, mps: 1.5, way_m: 3.0 },
+            true,
+        ),
     ];
     for (name, body, counts) in bodies {
         for route in [4, 5, 6, 8] {

@@ -1,6 +1,6 @@
 //! SafeBench's own route and scenario files on the towns at hand.
 
-use crate::harness::{files, shared};
+use crate::harness::{Ran, evodrive, files, shared};
 use evodrive::ego::Policy;
 use evodrive::formats::import_files;
 use evodrive::scene::safebench::{Stage, TrafficFamily};
@@ -27,7 +27,9 @@ fn every_route_on_a_town_at_hand_becomes_a_scene_and_the_others_name_their_town(
     let is_here = |town: &str| files.iter().any(|(name, _)| name.ends_with(&format!("{town}.xodr")));
     let absent: Vec<_> = ROUTES_ELSEWHERE.iter().filter(|(town, _)| !is_here(town)).collect();
     for (town, routes) in &absent {
-        let named = summary.left_out.iter().filter(|l| l.reason.contains(&format!("lies on {town},")));
+        let named = summary.left_out.iter().filter(|l| {
+            l.reason.contains(&format!("lies on {town},")) && l.reason.contains(&format!("{town}.xodr is missing"))
+        });
         assert_eq!(named.count(), *routes, "{town}");
     }
     let absent: usize = absent.iter().map(|(_, routes)| routes).sum();
@@ -60,4 +62,32 @@ fn every_route_on_a_town_at_hand_becomes_a_scene_and_the_others_name_their_town(
         }
     }
     assert!(lost.is_empty(), "the IDM ego alone on the road loses its way:\n{}", lost.join("\n"));
+}
+
+/// Routes of the benchmark that are evaluated, and all that can be played with the towns that are copied beside the project.
+#[test]
+fn the_set_on_real_routes_plays_what_is_at_hand_and_names_every_missing_file() {
+    let (Some(routes), Some(towns)) = (shared("data/safebench/route"), shared("data/opendrive_carla")) else { return };
+    let out = tempfile::tempdir().unwrap();
+    let pool = out.path().join("real.pool");
+    let mut command = evodrive();
+    command.args(["scenes", "generate", "experiments/real_routes.toml", "--scenes"]).arg(&routes).arg(&towns);
+    let ran = Ran::of(command.arg("--out").arg(&pool));
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let absent: Vec<&str> = ROUTES_ELSEWHERE
+        .iter()
+        .map(|(town, _)| *town)
+        .filter(|town| !towns.join(format!("{town}.xodr")).exists())
+        .collect();
+    for town in &absent {
+        assert!(ran.stdout.contains(&format!("{town}.xodr is missing")), "{town}: {}", ran.stdout);
+    }
+    let alone =
+        Ran::of(evodrive().args(["scenes", "import"]).arg(&routes).arg("--out").arg(out.path().join("none.pool")));
+    assert_eq!(alone.code, 2);
+    assert!(
+        alone.stderr.contains("Town01.xodr is missing (towns at hand: none); add it with --towns"),
+        "{}",
+        alone.stderr
+    );
 }

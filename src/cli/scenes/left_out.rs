@@ -49,15 +49,21 @@ pub fn listed(what: &str, all: impl Iterator<Item = (String, String)>) -> Vec<St
     reasons.into_iter().map(line).collect()
 }
 
-/// A sentence with each number replaced by one sign.
+/// A sentence with each number replaced by one sign. The name of a town's file stays: it is what has to be brought.
 pub fn without_numbers(text: &str) -> String {
     let mut out = String::new();
-    for c in text.chars() {
-        let part = c.is_ascii_digit() || (c == '.' && out.ends_with('#'));
-        if !part {
-            out.push(c);
-        } else if !out.ends_with('#') {
-            out.push('#');
+    for word in text.split_inclusive(' ') {
+        if word.trim_end().ends_with(".xodr") {
+            out.push_str(word);
+            continue;
+        }
+        for c in word.chars() {
+            let part = c.is_ascii_digit() || (c == '.' && out.ends_with('#'));
+            if !part {
+                out.push(c);
+            } else if !out.ends_with('#') {
+                out.push('#');
+            }
         }
     }
     out
@@ -94,5 +100,9 @@ mod tests {
             ]
         );
         assert_eq!(without_numbers("0.5 m. 10 of s1"), "# m. # of s#");
+        let town = |name: &str| (format!("route on {name}"), format!("{name}.xodr is missing, 5 m away"));
+        let towns = listed("left out", ["Town03", "Town05", "Town03"].map(town).into_iter());
+        assert_eq!(towns.len(), 2, "each missing file is named: {towns:?}");
+        assert!(towns[0].contains("2 times: Town03.xodr") && towns[1].contains("Town05.xodr"), "{towns:?}");
     }
 }

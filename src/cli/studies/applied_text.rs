@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 
 use crate::adapters::ADAPTER_VERSION;
+use crate::cli::scenes::left_out;
 use crate::cli::studies::applied_broken::{self, Broken};
 use crate::cli::terminal::answer::Answer;
 use crate::cli::terminal::width::table_width;
@@ -133,8 +134,9 @@ fn text(of: &Comparison, tables: &[Table], notes: &[String]) -> String {
     // Aligned in a pipe too: behind it stand sentences, so no program reads it as a table; those take --json.
     tables.iter().for_each(|table| text.push_str(&format!("{}\n", tables::plain(table, table_width()))));
     notes.iter().for_each(|note| text.push_str(&format!("note: {note}\n")));
-    let left_out = of.left_out.iter().map(|(scene, reason)| format!("{scene}: {reason}"));
-    listed(&mut text, "left out", left_out.collect());
+    for line in left_out::listed("left out", of.left_out.iter().cloned()) {
+        let _ = writeln!(text, "{line}");
+    }
     let failures = |failures: &[SceneFailure]| -> Vec<String> {
         failures.iter().map(|failure| format!("{}: {}", failure.scene, failure.reason)).collect()
     };

@@ -4,6 +4,7 @@
 //! degrees: (x, y, yaw) becomes (x, -y, -yaw).
 
 mod events;
+pub mod parameters;
 mod pose;
 mod road;
 mod way;
@@ -127,8 +128,8 @@ impl Place<'_> {
             let have = if known.is_empty() { "none".to_string() } else { known.join(", ") };
             let town = shown(town);
             return Ok(Err(format!(
-                "it lies on {town}, and the towns at hand are: {have}; add {town}.xodr with --towns, or generate the \
-                 route (source = \"safebench\" in an experiment file)"
+                "it lies on {town}, and {town}.xodr is missing (towns at hand: {have}); add it with --towns FOLDER: CARLA has it \
+                 in CarlaUE4/Content/Carla/Maps/OpenDrive; or generate the route (source = \"safebench\" in an experiment file)"
             )));
         };
         Ok(self.on_town(town, &waypoints, road, graph, &library.events))

@@ -167,7 +167,7 @@ impl Talk<'_> {
     }
 
     fn counsel(&self, set: &Set) -> Counsel {
-        Counsel { attackers: set.iter().map(|place| self.case.vehicles[*place].track).collect() }
+        Counsel { attackers: set.iter().map(|place| self.case.vehicles[*place].track).collect(), ..Counsel::default() }
     }
 }
 

@@ -377,7 +377,7 @@ fn a_kept_search_is_that_of_its_scene_its_ego_its_seed_and_its_counsel() {
             assert_eq!(compiled(&prepared.clone().sharing(&searched)), alone, "{name}");
             alone.expect("a motion").intervention
         };
-        let advised = [0, 1].map(|track| Counsel { attackers: vec![track] });
+        let advised = [0, 1].map(|track| Counsel { attackers: vec![track], ..Counsel::default() });
         let before = commanded(&usual, 1, Some(&advised[0]));
         assert_ne!(commanded(&under(24.0, &ego::Policy::Idm), 1, Some(&advised[0])), before, "{name}: another scene");
         if name == "at" {

@@ -44,7 +44,7 @@ pub use parent_program::ParentProgram;
 pub use place::{PROTOCOLS, shipped_weights};
 pub use program_file::{
     BackendMark, CarriedCounsel, Conditions, ContractMark, FORMAT as PROGRAM_FORMAT, Finding, ProgramFile,
-    ProgramFileError, value_span,
+    ProgramFileError, safebench as safebench_files, value_span,
 };
 pub use scenes::{read_pool, read_scenes, read_scenes_as};
 pub use schema::schema;

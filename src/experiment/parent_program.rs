@@ -65,6 +65,10 @@ pub fn inline(table: &mut Table, place: &Place) -> Result<bool, ExperimentError>
                 "a program of the lineage's own family; correct lineage.family or name another file",
             ));
         }
+        if !read.sequences.is_empty() {
+            let found = format!("{name:?}, which plays control sequences of a file in place of a search");
+            return Err(refuse(found, "a program that searches by itself; `evodrive apply` plays this one"));
+        }
         let kept = ParentProgram::of(read);
         *value = Value::try_from(&kept).map_err(|error| refuse(format!("{name:?} ({error})"), "a program file"))?;
         named = true;

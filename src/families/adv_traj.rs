@@ -11,10 +11,11 @@ use super::profile_search::{self, Profiled, Setting};
 use super::published::Port;
 use super::staged;
 use crate::adapters::Family;
+use crate::kernel::Vec2;
 use crate::motion::script_space::Perturbation;
 use crate::scene::safebench::TrafficFamily;
 use crate::scene::{AgentKind, TrackIx};
-use crate::sim::{Phase, Scripts, Until};
+use crate::sim::{Phase, Script, Scripts, Speed, Until, Way};
 use crate::stage::{Part, Settings, Source, Stage, StageError};
 
 /// The family's name in programs, experiments and tables.
@@ -99,7 +100,7 @@ fn actor(stage: &Stage<'_>, settings: &Settings) -> Result<Vec<TrackIx>, StageEr
 }
 
 /// Trigger distances of the port, metres.
-fn trigger_m(family: TrafficFamily) -> f64 {
+pub fn trigger_m(family: TrafficFamily) -> f64 {
     [35.0, 17.0, 35.0, 45.0, 40.0, 50.0, 45.0, 40.0][family.number() - 1]
 }
 
@@ -118,6 +119,31 @@ pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
         };
         let figures = vec![("trigger_m", trigger_m), ("oncoming_gap_m", 20.0)];
         Ok(Setting { figures, perturbation, on_bicycle: rides(stage, family) })
+    })
+}
+
+/// The control sequence that a script plays in SafeBench's class: places across its straight path, from the bound on the left
+/// (0) to the bound on the right (1), one a tick.
+///
+/// # Errors
+/// Why it is none: another kind of script, another speed, or a point beyond the bound.
+pub fn sequence(family: TrafficFamily, script: &Script) -> Result<Vec<f64>, String> {
+    let Some(Phase { way: Way::Points { points }, speed: Speed::Constant { mps }, .. }) = script.phases.last() else {
+        return Err("its script ends in no points to steer at".into());
+    };
+    if *mps != target_mps(family) {
+        return Err(format!("it drives at {mps} m/s, SafeBench's class at {} m/s", target_mps(family)));
+    }
+    let (bound_m, _) = bounds_m(family);
+    let right = -Vec2::from_heading(script.spawn.heading_rad).left();
+    let across_m = points.iter().map(|point| (*point - script.spawn.position).dot(right));
+    // A point is a sum of several products: what rounding adds beyond the bound is cut.
+    let share = |across_m: f64| {
+        let u = 0.5 * (across_m / bound_m + 1.0);
+        if (u - u.clamp(0.0, 1.0)).abs() < 1e-9 { u.clamp(0.0, 1.0) } else { u }
+    };
+    profile_search::shares(across_m.map(share), |_, _| true).map_err(|u| {
+        format!("it moves to {u} of the way from bound to bound, and SafeBench's sequences end at 0 and 1")
     })
 }
 

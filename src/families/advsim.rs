@@ -13,7 +13,7 @@ use super::staged;
 use crate::adapters::Family;
 use crate::motion::script_space::Perturbation;
 use crate::scene::safebench::TrafficFamily;
-use crate::sim::{Phase, Until};
+use crate::sim::{Phase, Script, Speed, Until};
 use crate::stage::{Part, Settings, Source, Stage, StageError};
 
 /// The family's name in programs, experiments and tables.
@@ -70,7 +70,7 @@ fn standard_mps(family: TrafficFamily) -> f64 {
 }
 
 /// Trigger distances of the port, metres.
-fn trigger_m(family: TrafficFamily) -> f64 {
+pub fn trigger_m(family: TrafficFamily) -> f64 {
     [20.0, 17.0, 35.0, 45.0, 35.0, 45.0, 35.0, 35.0][family.number() - 1]
 }
 
@@ -84,6 +84,19 @@ pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
         let perturbation = Perturbation::Speeds { mps_max, lead, smoothing: settings.count("speed_smoothing")? };
         Ok(Setting { figures: vec![("trigger_m", trigger_m)], perturbation, on_bicycle: false })
     })
+}
+
+/// The control sequence that a script plays in SafeBench's class: shares of twice the standard speed, one a tick.
+///
+/// # Errors
+/// Why it is none: another kind of script, or a speed above twice the standard.
+pub fn sequence(family: TrafficFamily, script: &Script) -> Result<Vec<f64>, String> {
+    let Some(Speed::Profile { mps }) = script.phases.last().map(|phase| &phase.speed) else {
+        return Err("its script ends in no speed profile".into());
+    };
+    let mps_max = 2.0 * standard_mps(family);
+    profile_search::shares(mps.iter().map(|mps| mps / mps_max), |u, k| u * mps_max == mps[k])
+        .map_err(|u| format!("it asks for {u} of twice the standard speed, and SafeBench's sequences end at 1"))
 }
 
 /// Queries of speed profiles.

@@ -83,7 +83,7 @@ pub fn family() -> Family {
 }
 
 /// Name of a scenario parameter in θ.
-fn name(family: TrafficFamily, parameter: &FamilyParameter) -> String {
+pub fn name(family: TrafficFamily, parameter: &FamilyParameter) -> String {
     format!("{}_{}", family.name(), parameter.name)
 }
 
@@ -138,6 +138,38 @@ pub fn grid(family: TrafficFamily, middles: &[f64], reach: f64) -> Vec<Vec<f64>>
         members = members.iter().flat_map(longer).collect();
     }
     members
+}
+
+/// Middles and reach of the grid that has these members in this order.
+///
+/// # Errors
+/// What was expected, where no grid of this form has them.
+pub fn grid_of(family: TrafficFamily, members: &[Vec<f64>]) -> Result<(Vec<f64>, f64), String> {
+    let span = |values: &mut dyn Iterator<Item = f64>| {
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
+    };
+    let (mut middles, mut reach) = (Vec::new(), None);
+    for place in 0..members.first().map_or(0, Vec::len) {
+        let (least, most) = span(&mut members.iter().filter_map(|member| member.get(place).copied()));
+        let (low, high) = span(&mut levels(family, place).into_iter());
+        middles.push(0.5 * (least + most));
+        if high > low {
+            reach = reach.or(Some((most - least) / (high - low)));
+        }
+    }
+    let reach = reach.unwrap_or(0.0);
+    let expected = grid(family, &middles, reach);
+    let near = |(one, other): (&Vec<f64>, &Vec<f64>)| one.iter().zip(other).all(|(a, b)| (a - b).abs() <= 1e-9);
+    if expected.len() != members.len() {
+        return Err(format!("a grid of {} members, found {} entries", expected.len(), members.len()));
+    }
+    match expected.iter().zip(members).position(|pair| !near(pair)) {
+        None => Ok((middles, reach)),
+        Some(k) => Err(format!(
+            "a grid in the order of human.json, with {:?} at place {k}, found {:?}",
+            expected[k], members[k]
+        )),
+    }
 }
 
 /// The grid's scenarios; members that find no place on the scene's road are left out.

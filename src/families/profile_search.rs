@@ -162,6 +162,19 @@ fn adversary(space: &Option<Arc<ScriptSpace>>) -> usize {
     space.as_ref().map_or(0, |space| space.adversary)
 }
 
+/// Shares from 0 to 1. Division may miss the number that was multiplied by its last bit, so its neighbours are asked, too, whether
+/// they are the one.
+///
+/// # Errors
+/// The first number that is no share.
+pub fn shares(of: impl Iterator<Item = f64>, is_it: impl Fn(f64, usize) -> bool) -> Result<Vec<f64>, f64> {
+    let exact = |(k, u): (usize, f64)| {
+        let u = [u, u.next_up(), u.next_down()].into_iter().find(|near| is_it(*near, k)).unwrap_or(u);
+        if (0.0..=1.0).contains(&u) { Ok(u) } else { Err(u) }
+    };
+    of.enumerate().map(exact).collect()
+}
+
 /// Asks for profiles. Every query is a candidate, scored by minus its loss. As published, a contact ends the search; where
 /// the program adds a loss of its own, the search goes on and that loss chooses among the contacts. The first query is drawn at
 /// random, or among those that a port publishes.
@@ -183,7 +196,7 @@ pub fn search(
         let (situation, actor, from_step) = (stage.situation, part.actor, part.window.from_step);
         let judged = Judged { situation, actor, from_step, adversaries: &adversaries };
         let mut asked_of_ego = 0;
-        let ask = |place: &[f64]| {
+        let mut ask = |place: &[f64]| {
             asked_of_ego += 1;
             let actions = space.actions(place);
             let mut profiles = scripted::simulated(situation, actions, space.adversary, from_step, None)?;
@@ -193,6 +206,12 @@ pub fn search(
             profiles.score = -loss;
             Some(Answer { loss, success: success && module.is_none(), made: profiles })
         };
+        // A profile that is given is played as it is.
+        if let Some(given) = stage.counsel.map(|counsel| &counsel.profile).filter(|given| !given.is_empty()) {
+            part.candidates = ask(given).map(|answer| answer.made).into_iter().collect();
+            part.simulated += asked_of_ego;
+            continue;
+        }
         let mut stream = stage.stream("queries", actor);
         let first = match port.zip(situation.scene.staging.as_ref()) {
             Some((port, staging)) => published::drawn(port, staging.family, &mut stage.stream("published", actor)),

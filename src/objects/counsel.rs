@@ -8,11 +8,15 @@ use crate::kernel::{Digest, canon::CanonError};
 use crate::scene::TrackIx;
 
 /// The counsel as the compiler reads it, an input beside program, scene and ego.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Counsel {
     /// Vehicles that should attack together, the leader first. Empty if nobody is advised.
     pub attackers: Vec<TrackIx>,
+    /// Numbers from 0 to 1 that a searched profile takes in place of its search, as a file of SafeBench gives them. Empty: it
+    /// searches.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub profile: Vec<f64>,
 }
 
 impl Counsel {

@@ -51,6 +51,7 @@ mod piloting;
 mod plan;
 mod pools;
 mod programs;
+mod programs_safebench;
 mod published_ego;
 mod quickstart;
 mod readme;

@@ -316,6 +316,7 @@ fn parent_file(family: &str, experiment: &str, counsel: BTreeMap<String, Carried
             evaluation: experiment.evaluation,
         },
         counsel,
+        sequences: BTreeMap::new(),
         evolution_scenes: BTreeSet::new(),
         origins: vec![],
     };
@@ -371,7 +372,7 @@ fn counsel_travels_for_its_scenes_and_is_missed_in_others() {
     let names: Vec<&String> = recorded_run.opened.evolution_scenes.iter().take(3).collect();
     let advised = |track: usize| {
         let scene = pool.scene(names[0]).unwrap();
-        CarriedCounsel { scene: scene.digest(), counsel: Counsel { attackers: vec![track] } }
+        CarriedCounsel { scene: scene.digest(), counsel: Counsel { attackers: vec![track], ..Counsel::default() } }
     };
     let file = dir.path().join("llm.json");
     let play = |counsel: BTreeMap<String, CarriedCounsel>| {

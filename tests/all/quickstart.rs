@@ -334,7 +334,7 @@ fn help_texts_are_goldens() {
         text += &format!("\n---- evodrive {command} --help\n{}", run(&[command, "--help"]).stdout);
     }
     text += &format!("\n---- evodrive exchange status --help\n{}", run(&["exchange", "status", "--help"]).stdout);
-    for command in ["new", "edit", "set", "check", "diff", "show", "export"] {
+    for command in ["new", "import", "edit", "set", "check", "diff", "show", "export"] {
         text += &format!("\n---- evodrive program {command} --help\n{}", run(&["program", command, "--help"]).stdout);
     }
     for command in ["freeze", "show", "run", "compare", "play"] {

@@ -240,7 +240,7 @@ fn of_pool(options: &Options, threads: usize) -> Result<Vec<Scene>, Failure> {
 }
 
 /// A name that every file system takes and no other scene has: systems that fold case must not merge two.
-fn file_name(id: &str, taken: &mut BTreeSet<String>) -> String {
+pub fn file_name(id: &str, taken: &mut BTreeSet<String>) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '_' };
     let base: String = id.chars().map(plain).take(NAME_MAX).collect();
     let base = base.trim_matches('.');

@@ -248,12 +248,9 @@ pub fn sorted_out(paths: &[PathBuf], file: &ProgramFile, pool: Pool) -> Result<S
     Ok((taken, left_out))
 }
 
-/// Counsel of the file for the scenes that are still those for which it was taken.
+/// Counsel of the file for the scenes that are still those for which it was taken, and its sequences for all others.
 pub fn counsels(file: &ProgramFile, entries: &[SceneEntry]) -> BTreeMap<Digest, Counsel> {
-    let of = |entry: &SceneEntry| {
-        let carried = file.counsel.get(&entry.scene().id).filter(|carried| carried.scene == entry.digest)?;
-        Some((entry.digest, carried.counsel.clone()))
-    };
+    let of = |entry: &SceneEntry| Some((entry.digest, file.counsel_in(entry.scene(), entry.digest)?));
     entries.iter().filter_map(of).collect()
 }
 

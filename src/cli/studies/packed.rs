@@ -1,10 +1,14 @@
 //! A program of a run, put together as a file.
 
+use clap::Args;
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use crate::adapters::ADAPTER_VERSION;
 use crate::cli::look::show;
 use crate::cli::records::folder::RunFolder;
+use crate::cli::records::run_name::OneRun;
+use crate::cli::studies::program_form::is_file;
 use crate::cli::terminal::exit::Failure;
 use crate::ego::Policy;
 use crate::evaluation::EVAL_VERSION;
@@ -18,6 +22,24 @@ use crate::objects::event::Versions;
 use crate::objects::{LineageId, Origin, Program, RunOrigin, SolutionId};
 use crate::scene::Pool;
 use crate::sim::SIM_VERSION;
+
+#[derive(Debug, Args)]
+#[command(allow_missing_positional = true)]
+pub struct Which {
+    #[command(flatten)]
+    pub run: OneRun,
+    /// Attempt that left a program, e.g. cat-idm/e2s5, a lineage's parent, e.g. cat-idm/parent, or a program file.
+    pub attempt: String,
+}
+
+/// The program of a file, or put together from its run folder.
+pub fn packed(which: &Which) -> Result<ProgramFile, Failure> {
+    if which.run.named().is_none() && is_file(&which.attempt) {
+        return Ok(ProgramFile::read(Path::new(&which.attempt))?);
+    }
+    let folder = which.run.folder()?;
+    packed_of(&folder, &folder.recorded()?, &which.attempt)
+}
 
 /// The file of an attempt's program or a parent.
 pub fn packed_of(folder: &RunFolder, run: &RecordedRun, name: &str) -> Result<ProgramFile, Failure> {
@@ -71,6 +93,7 @@ pub fn packed_of(folder: &RunFolder, run: &RecordedRun, name: &str) -> Result<Pr
             evaluation: experiment.evaluation.clone(),
         },
         counsel: counsel(run, &pool, lineage),
+        sequences: BTreeMap::new(),
         evolution_scenes: evolution_scenes(run, &pool, start),
         origins: adopted.origins.iter().cloned().chain([origin]).collect(),
         family,

@@ -1,15 +1,11 @@
 //! `program`: programs of runs and of files: shown, taken out, written and changed by hand, checked, compared.
 
-use clap::{Args, Subcommand};
+use clap::Subcommand;
 use serde_json::json;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
 
-use crate::cli::records::run_name::OneRun;
-use crate::cli::studies::packed::packed_of;
-use crate::cli::studies::program_form::{bytes_for, is_file};
-use crate::cli::studies::{program_check, program_diff, program_edit, program_hand};
-use crate::cli::terminal::output::Output;
+use crate::cli::studies::packed::{Which, packed};
+use crate::cli::studies::{program_check, program_diff, program_edit, program_export, program_hand, program_import};
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::experiment::ProgramFile;
 use crate::objects::program_diff as lines_that_differ;
@@ -19,6 +15,8 @@ use crate::text::counted;
 pub enum Command {
     /// Write the published parent of a family as a program to begin with: TOML, with what its contract says as comments.
     New(program_hand::NewOptions),
+    /// Make a program of a file of SafeBench or ChatScene: hand-chosen parameters, control sequences, optimised ranges.
+    Import(program_import::Options),
     /// Change a program file in your editor (VISUAL or EDITOR); it is checked when the editor closes, and a text that does not
     /// fit is kept.
     Edit(program_edit::Options),
@@ -31,29 +29,8 @@ pub enum Command {
     /// Show a program: where it came from, what it changes in its parent, and its whole content.
     Show(Which),
     /// Write a program with everything that it needs into one file, for `apply` or for `lineage[].parent_program` in
-    /// an experiment.
-    Export(ExportOptions),
-}
-
-#[derive(Debug, Args)]
-#[command(allow_missing_positional = true)]
-pub struct Which {
-    #[command(flatten)]
-    pub run: OneRun,
-    /// Attempt that left a program, e.g. cat-idm/e2s5, a lineage's parent, e.g. cat-idm/parent, or a program file.
-    pub attempt: String,
-}
-
-#[derive(Debug, Args)]
-#[command(allow_missing_positional = true)]
-pub struct ExportOptions {
-    #[command(flatten)]
-    pub which: Which,
-    /// File to write: JSON, or TOML to be changed by hand where its name ends in .toml; without it JSON goes to stdout.
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-    #[command(flatten)]
-    pub output: Output,
+    /// an experiment; or, with --format, for SafeBench and CARLA.
+    Export(program_export::Options),
 }
 
 pub fn run(command: &Command, jobs: usize) -> Result<Answer, Failure> {
@@ -67,33 +44,9 @@ pub fn run(command: &Command, jobs: usize) -> Result<Answer, Failure> {
             let file = packed(which)?;
             Ok(Answer::new(described(&file)?, json!({"program": file})))
         }
-        Command::Export(ExportOptions { which, out, output }) => {
-            let file = packed(which)?;
-            let Some(path) = out else {
-                let bytes = file.to_bytes().map_err(Failure::internal)?;
-                return Ok(Answer::exact(String::from_utf8_lossy(&bytes), json!(file)));
-            };
-            output.write(path, &bytes_for(path, &file)?)?;
-            let text = format!(
-                "{}, family {}, as {}\ndigest {}\n",
-                file.program.solution_id,
-                file.family,
-                path.display(),
-                file.digest
-            );
-            let object = json!({"file": path, "digest": file.digest, "program": file.program.solution_id});
-            Ok(Answer::new(text, object))
-        }
+        Command::Export(options) => program_export::run(options, jobs),
+        Command::Import(options) => program_import::run(options),
     }
-}
-
-/// The program of a file, or put together from its run folder.
-fn packed(which: &Which) -> Result<ProgramFile, Failure> {
-    if which.run.named().is_none() && is_file(&which.attempt) {
-        return Ok(ProgramFile::read(Path::new(&which.attempt))?);
-    }
-    let folder = which.run.folder()?;
-    packed_of(&folder, &folder.recorded()?, &which.attempt)
 }
 
 fn described(file: &ProgramFile) -> Result<String, Failure> {

@@ -73,6 +73,12 @@ pub fn gathered(sources: &Sources<'_>) -> Result<Vec<Planned>, Failure> {
 
 fn of_file(file: ProgramFile) -> Result<Planned, Failure> {
     let source = source(&file.family)?;
+    if !file.sequences.is_empty() {
+        return Err(Failure::bad_input(format!(
+            "{}: expected a program that searches by itself, found one that plays control sequences of a file; `evodrive apply` plays it",
+            file.program.solution_id
+        )));
+    }
     let carried = file.counsel.values().map(|carried| (carried.scene, carried.counsel.clone()));
     let member = Member {
         name: file.program.solution_id.clone(),

@@ -11,7 +11,7 @@ use crate::objects::{Counsel, LineageId, Program};
 use crate::store::MemoKind;
 
 /// A piece of work that stands alone: with the study and its programs it can be done anywhere, in any order.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Task {
     /// A label: the program is compiled for the scene and rolled out against the lineage's ego.

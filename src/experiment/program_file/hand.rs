@@ -16,10 +16,11 @@ use crate::objects::pointer::within;
 use crate::objects::{
     Ancestor, CompileContract, FamilyName, Gate, HandOrigin, LineageId, Origin, ParameterValue, Program, SolutionId,
 };
+use crate::scene::safebench::TrafficFamily;
 use crate::store;
 
 /// The keys of the file.
-const KEYS: [&str; 15] = [
+const KEYS: [&str; 16] = [
     "format",
     "family",
     "adapter",
@@ -35,6 +36,7 @@ const KEYS: [&str; 15] = [
     "conditions",
     "parent",
     "counsel",
+    "sequences",
 ];
 const PARTS: [&str; 4] = ["parameters", "operator_graph", "scenario_conditioned_policy", "mechanism_modules"];
 /// What stands behind the name of a program that was changed by hand, where its own name is taken.
@@ -60,6 +62,8 @@ struct Written {
     parent: Option<Parent>,
     #[serde(default)]
     counsel: BTreeMap<String, CarriedCounsel>,
+    #[serde(default)]
+    sequences: BTreeMap<TrafficFamily, Vec<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -174,6 +178,7 @@ pub fn read(file: &str, text: &str) -> Result<ProgramFile, ProgramFileError> {
         parent_settings: written.parent_settings,
         conditions,
         counsel: written.counsel,
+        sequences: written.sequences,
         evolution_scenes: descent.evolution_scenes,
         origins: written.origins,
     };

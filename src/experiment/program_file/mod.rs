@@ -10,6 +10,7 @@ mod lines;
 mod parts;
 mod published;
 mod read;
+pub mod safebench;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -30,6 +31,8 @@ use crate::families;
 use crate::kernel::{Digest, canon::CanonError};
 use crate::objects::event::Versions;
 use crate::objects::{Counsel, FamilyName, Origin, ParameterValue, Program};
+use crate::scene::Scene;
+use crate::scene::safebench::TrafficFamily;
 use crate::sim::SimulatorOptions;
 
 /// Name and version of the format; another major version is refused.
@@ -57,6 +60,10 @@ pub struct ProgramFile {
     pub conditions: Conditions,
     /// Who was advised to attack, by scene; empty in families that take no counsel.
     pub counsel: BTreeMap<String, CarriedCounsel>,
+    /// Control sequences of SafeBench that are played as they are in place of a search, by traffic family; only programs that
+    /// were made of such a file have some.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub sequences: BTreeMap<TrafficFamily, Vec<f64>>,
     /// Digests of the scenes on which it was evolved, in all those runs: labels there say little about new traffic.
     pub evolution_scenes: BTreeSet<Digest>,
     /// The runs that it came out of, the oldest first.
@@ -101,7 +108,7 @@ impl BackendMark {
 }
 
 /// The counsel of one scene.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CarriedCounsel {
     /// Digest of the scene: a scene of the same id with other content takes no counsel from here.
@@ -121,6 +128,17 @@ impl ProgramFile {
     /// Whether the program is its lineage's parent itself.
     pub fn is_parent(&self) -> bool {
         self.program.solution_id == self.parent.solution_id
+    }
+
+    /// The counsel for a scene: what was taken there, or the sequence of its traffic family. A scene that is no longer what it was
+    /// takes none.
+    pub fn counsel_in(&self, scene: &Scene, digest: Digest) -> Option<Counsel> {
+        let carried = self.counsel.get(&scene.id).filter(|carried| carried.scene == digest);
+        let profile = || self.sequences.get(&scene.staging.as_ref()?.family);
+        match carried {
+            Some(carried) => Some(carried.counsel.clone()),
+            None => Some(Counsel { profile: profile()?.clone(), ..Counsel::default() }),
+        }
     }
 
     /// Whether programs of its family are compiled with counsel where there is some.

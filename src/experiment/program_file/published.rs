@@ -77,6 +77,7 @@ impl ProgramFile {
             parent_settings: BTreeMap::new(),
             conditions: conditions(&source.contract.backend).map_err(unfit)?,
             counsel: BTreeMap::new(),
+            sequences: BTreeMap::new(),
             evolution_scenes: BTreeSet::new(),
             origins: Vec::new(),
         };

@@ -142,13 +142,14 @@ impl ProgramFile {
                 Err(format!("conditions.evaluation.safebench.{field} is unfit, expected {expected}"))
             }),
         };
+        let sequences = self.unfit_sequence().map_or(Ok(()), Err);
         let simulator = conditions.simulator.check().map_err(|error| error.to_string());
         // Weights and planners are not in the file: who plays it names them.
         let ego = match conditions.ego.parse::<Policy>() {
             Ok(_) | Err(PolicyError::NoWeights | PolicyError::NoProgram) => Ok(()),
             Err(error) => Err(format!("conditions.ego: {error}")),
         };
-        let all = ego.and(simulator).and(evaluation);
+        let all = ego.and(simulator).and(evaluation).and(sequences);
         all.map_err(|reason| ProgramFileError::Options { file: file.into(), reason })
     }
 }

@@ -34,6 +34,7 @@ fn file() -> ProgramFile {
             evaluation: experiment.evaluation,
         },
         counsel: BTreeMap::new(),
+        sequences: BTreeMap::new(),
         evolution_scenes: BTreeSet::new(),
         origins: vec![],
     };

@@ -66,7 +66,7 @@ fn travelled() -> ProgramFile {
     let models = [("actor".to_string(), "scripted \"one\"".to_string())].into();
     file.origins =
         vec![Origin::Run(RunOrigin { run: "quickstart".into(), root: hash, solution: of("adv_bmt-idm/e4s1"), models })];
-    let counsel = Counsel { attackers: vec![3, 1] };
+    let counsel = Counsel { attackers: vec![3, 1], ..Counsel::default() };
     file.counsel = [("synth/merge/7/1".to_string(), CarriedCounsel { scene: hash, counsel })].into();
     file.conditions.backend = Some(BackendMark { name: "metadrive".into(), version: "0.4.3".into(), digest: hash });
     file.program_hash = file.program.hash().unwrap();

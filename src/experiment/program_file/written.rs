@@ -92,6 +92,12 @@ impl ProgramFile {
             text.push('\n');
             text.push_str(&table("counsel", &self.counsel)?);
         }
+        if !self.sequences.is_empty() {
+            text.push_str(
+                "\n# Control sequences of SafeBench that are played in place of a search, by traffic family.\n",
+            );
+            text.push_str(&table("sequences", &self.sequences)?);
+        }
         Ok(text)
     }
 }

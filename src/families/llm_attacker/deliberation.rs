@@ -246,7 +246,7 @@ mod tests {
     #[test]
     fn advised_attackers_begin_together_where_the_program_lets_them_lead() {
         let begin = |order: &[usize], attackers: Vec<TrackIx>| {
-            super::first(&RULES, Some(&Counsel { attackers }), &parts(), order)
+            super::first(&RULES, Some(&Counsel { attackers, ..Counsel::default() }), &parts(), order)
         };
         assert_eq!(begin(&[0, 1], vec![7, 4]), [(1, 1), (0, 1)], "the counsel's leader leads");
         assert_eq!(begin(&[1, 0], vec![7]), [(1, 1)]);
@@ -254,7 +254,10 @@ mod tests {
         assert_eq!(begin(&[0, 1], vec![9, 4]), [(0, 1)], "who is not in the pool does not attack");
         assert_eq!(super::first(&RULES, None, &parts(), &[1, 0]), [(1, 1)]);
         let alone = Rules { attackers: 1, ..RULES };
-        assert_eq!(super::first(&alone, Some(&Counsel { attackers: vec![7, 4] }), &parts(), &[0, 1]), [(1, 1)]);
+        assert_eq!(
+            super::first(&alone, Some(&Counsel { attackers: vec![7, 4], ..Counsel::default() }), &parts(), &[0, 1]),
+            [(1, 1)]
+        );
     }
 
     #[test]

@@ -72,7 +72,7 @@ fn counselled() -> (Situation, Vec<Vehicle>) {
         let stage = Stage { situation: &situation, seed: Seed(1), counsel: None };
         let vehicles = counsel::vehicles(&stage, &program, 8).unwrap();
         // The last of the table can still attack.
-        let last = Counsel { attackers: vec![vehicles.last()?.track] };
+        let last = Counsel { attackers: vec![vehicles.last()?.track], ..Counsel::default() };
         let attacks = decided(&family, &program, &situation, Some(&last)) == last.attackers;
         (vehicles.len() >= 4 && attacks).then_some((situation, vehicles))
     });
@@ -98,7 +98,7 @@ fn counsel_changes_who_attacks_and_without_it_the_rules_decide() {
     let by_rule = decided(&family, &program, &situation, None);
     assert_eq!(by_rule.len(), 1);
     let others: Vec<TrackIx> = vehicles.iter().map(|v| v.track).filter(|track| *track != by_rule[0]).collect();
-    let advised = Counsel { attackers: vec![*others.last().unwrap()] };
+    let advised = Counsel { attackers: vec![*others.last().unwrap()], ..Counsel::default() };
     assert_eq!(decided(&family, &program, &situation, Some(&advised)), advised.attackers);
     assert_eq!(decided(&family, &program, &situation, Some(&Counsel::default())), by_rule, "nobody is advised");
     let mut deaf = program.clone();
@@ -110,7 +110,7 @@ fn counsel_changes_who_attacks_and_without_it_the_rules_decide() {
 fn expressions_may_read_who_was_advised() {
     let (situation, vehicles) = counselled();
     let (family, mut program) = parent(0.0);
-    let advised = Counsel { attackers: vec![vehicles.last().unwrap().track] };
+    let advised = Counsel { attackers: vec![vehicles.last().unwrap().track], ..Counsel::default() };
     program.parameters.insert(COUNSEL_WEIGHT.into(), ParameterValue::Number(0.0));
     program.mechanism_modules.insert(
         "advised_only".into(),
@@ -140,7 +140,8 @@ fn a_proposal_is_carried_out_by_exactly_its_attackers_whatever_the_parent_weighs
         let situation = Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
         let stage = Stage { situation: &situation, seed: Seed(1), counsel: None };
         let vehicles = counsel::vehicles(&stage, &program, 8).unwrap();
-        let pair = Counsel { attackers: vehicles.iter().rev().take(2).map(|v| v.track).collect() };
+        let pair =
+            Counsel { attackers: vehicles.iter().rev().take(2).map(|v| v.track).collect(), ..Counsel::default() };
         let prepared = crate::compiler::Prepared::new(&blind, &family).unwrap();
         // What breaks a constraint is refused with its reason.
         let Ok(compiled) = prepared.compile_counselled(&situation, Seed(1), Some(&pair)) else { continue };

@@ -1,6 +1,8 @@
 //! OpenSCENARIO XML with OpenDRIVE: every road user, also the ego, follows its own trajectory by time, so that a player shows the
 //! recording or the rollout. Revision 1.2 is the form for esmini, 1.0 the one that CARLA's ScenarioRunner loads.
 //!
+//! Scripts that wait for the ego have a form of their own (`triggered.rs`).
+//!
 //! Simulation time 0 is step 0 of the scene. Positions are centres of bounding boxes, so the box's centre in an
 //! entity's own axes is 0. A road user that comes later, leaves earlier, or has gaps is added and deleted by events.
 //! Names are the scene's ids in letters, figures and underscores.
@@ -10,6 +12,7 @@
 
 mod entities;
 mod story;
+mod triggered;
 
 use super::export_error::{ExportError, Note};
 use super::opendrive::write::{self, light_signal_id};
@@ -17,6 +20,7 @@ use super::staging::{Staging, staged};
 use super::xml_write::{Xml, decimal};
 use crate::scene::{DT_S, LightState, Scene};
 use entities::Cast;
+pub use triggered::{TriggeredScenario, triggered};
 
 /// A revision of OpenSCENARIO XML.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

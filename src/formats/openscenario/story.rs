@@ -11,7 +11,7 @@ use crate::scene::{Sample, Scene, Track};
 pub(super) fn write(xml: &mut Xml, scene: &Scene, cast: &Cast<'_>, revision: Revision) {
     xml.within("Storyboard", &[], |xml| {
         xml.within("Init", &[], |xml| {
-            xml.within("Actions", &[], |xml| cast.members.iter().for_each(|member| init(xml, member)));
+            xml.within("Actions", &[], |xml| cast.members.iter().for_each(|member| init(xml, member, |_| ())));
         });
         xml.within("Story", &[("name", &"story")], |xml| {
             xml.within("Act", &[("name", &"act")], |xml| {
@@ -23,7 +23,8 @@ pub(super) fn write(xml: &mut Xml, scene: &Scene, cast: &Cast<'_>, revision: Rev
     });
 }
 
-fn init(xml: &mut Xml, member: &Member<'_>) {
+/// Where it stands and how fast it is at the start, and what else is told of it then.
+pub(super) fn init(xml: &mut Xml, member: &Member<'_>, more: impl FnOnce(&mut Xml)) {
     let Some(start) = member.track.at(0) else { return };
     xml.within("Private", &[("entityRef", &member.name)], |xml| {
         xml.within("PrivateAction", &[], |xml| {
@@ -42,6 +43,7 @@ fn init(xml: &mut Xml, member: &Member<'_>) {
                 });
             });
         });
+        more(xml);
     });
 }
 
@@ -126,9 +128,14 @@ fn follow(xml: &mut Xml, name: &str, track: &Track, range: &Range<usize>, revisi
     xml.empty("TrajectoryFollowingMode", &[("followingMode", &"position")]);
 }
 
-fn position(xml: &mut Xml, sample: &Sample) {
+pub(super) fn position(xml: &mut Xml, sample: &Sample) {
+    within_position(xml, "Position", sample);
+}
+
+/// The same under the name that an action gives it.
+pub(super) fn within_position(xml: &mut Xml, name: &'static str, sample: &Sample) {
     let (x, y, h) = (decimal(sample.position.x), decimal(sample.position.y), decimal(sample.heading_rad));
-    xml.within("Position", &[], |xml| {
+    xml.within(name, &[], |xml| {
         xml.empty("WorldPosition", &[("x", &x), ("y", &y), ("z", &0), ("h", &h), ("p", &0), ("r", &0)]);
     });
 }
@@ -146,7 +153,7 @@ fn event(xml: &mut Xml, name: &str, step: usize, action: impl FnOnce(&mut Xml)) 
 }
 
 /// True once simulation time has passed a step: `greaterThan` is what ScenarioRunner knows.
-fn after(xml: &mut Xml, name: &str, step: usize) {
+pub(super) fn after(xml: &mut Xml, name: &str, step: usize) {
     xml.within("ConditionGroup", &[], |xml| {
         xml.within("Condition", &[("name", &name), ("delay", &0), ("conditionEdge", &"none")], |xml| {
             xml.within("ByValueCondition", &[], |xml| {

@@ -193,18 +193,26 @@ mod tests {
 
     #[test]
     fn a_decision_tells_how_many_scenarios_were_simulated_before_it_as_scripts_run() {
-        for name in NAMES {
-            let told = compiled(name, &as_run(TrafficFamily::RightTurn), 1).decision.search_rollouts;
-            let expected = match name {
-                human::NAME => 9..=9,
-                chatscene::NAME => 13..=13,
-                // One in the middle, and eight queries if none of the earlier meets the ego.
-                _ => 2..=9,
-            };
-            assert!(told.is_some_and(|told| expected.contains(&told)), "{name}: {told:?}");
-            let defined = compiled(name, &situation(family_scene(TrafficFamily::RightTurn, 5, Seed(7))), 1);
-            assert_eq!(defined.decision.search_rollouts, None);
+        let decided = |name: &str, family| compiled(name, &as_run(family), 1).decision;
+        for (name, samples) in [(human::NAME, 9), (chatscene::NAME, 13)] {
+            assert_eq!(decided(name, TrafficFamily::RightTurn).search_rollouts, Some(samples), "{name}");
         }
+        // One in the middle and as many queries as were asked: the first that meets the ego is the last.
+        for name in [advsim::NAME, adv_traj::NAME] {
+            let told = TrafficFamily::ALL.map(|family| {
+                let decision = decided(name, family);
+                assert_eq!(
+                    decision.search_rollouts,
+                    Some(1 + decision.actors[0].candidates),
+                    "{name}: {}",
+                    family.name()
+                );
+                decision.search_rollouts
+            });
+            assert!(told.contains(&Some(9)) && told.iter().any(|told| *told < Some(9)), "{name}: {told:?}");
+        }
+        let defined = compiled(human::NAME, &situation(family_scene(TrafficFamily::RightTurn, 5, Seed(7))), 1);
+        assert_eq!(defined.decision.search_rollouts, None);
     }
 
     #[test]

@@ -60,6 +60,7 @@ fn opened(name: &str, situation: &Situation) -> Vec<Part> {
         candidates: vec![],
         offsets: None,
         driven: None,
+        simulated: 0,
     };
     let mut parts: Vec<Part> = decision.actors.iter().map(part).collect();
     let stage = Stage { situation, seed: Seed(1), counsel: None };

@@ -2,6 +2,7 @@
 
 use super::drawing::{Actor, Drawing, LineStyle, Role};
 use super::figure::{BLACK, BLUE, Figure, GREEN, Ink, Mark, ORANGE, PURPLE, Rgb, Shape, VERMILION, WHITE};
+use super::svg::windscreen;
 use crate::kernel::{OrientedBox, Vec2};
 
 /// Beside the road.
@@ -82,7 +83,7 @@ pub fn panel(figure: &mut Figure, drawing: &Drawing, panel: &Panel) {
     let leading = || drawing.actors.iter().filter(|actor| matches!(actor.role, Role::Ego | Role::Adversary));
     let outlines = panel.ghosts.iter().flat_map(|step| leading().filter_map(|actor| outline(panel, actor, *step)));
     shapes.extend(outlines);
-    shapes.extend(drawing.actors.iter().filter_map(|actor| boxed(panel, actor)));
+    shapes.extend(drawing.actors.iter().flat_map(|actor| boxed(panel, actor)));
     if let Some(contact) = drawing.contact.as_ref().filter(|contact| contact.step <= panel.step) {
         let mut cross = Figure::new(0.0, 0.0, "");
         cross.mark(Mark::Cross, panel.at(contact.point), 4.0, Ink::line(WHITE, 2.4));
@@ -93,23 +94,37 @@ pub fn panel(figure: &mut Figure, drawing: &Drawing, panel: &Panel) {
     figure.rect(panel.place, Ink::line(EDGE, 0.4));
 }
 
-fn corners(actor: &Actor, step: usize) -> Option<[Vec2; 4]> {
+/// The roles of those who stand in the panel, in the order of the legend.
+pub fn roles_in(drawing: &Drawing, panel: &Panel) -> Vec<Role> {
+    let seen = |actor: &Actor| shape(actor, panel.step).is_some_and(|shape| panel.shows(&shape.corners()));
+    Role::ALL.into_iter().filter(|role| drawing.actors.iter().any(|of| of.role == *role && seen(of))).collect()
+}
+
+fn shape(actor: &Actor, step: usize) -> Option<OrientedBox> {
     let [x, y, heading_rad, _] = (*actor.samples.get(step)?)?;
-    Some(OrientedBox::new(Vec2::new(x, y), heading_rad, actor.length_m, actor.width_m).corners())
+    Some(OrientedBox::new(Vec2::new(x, y), heading_rad, actor.length_m, actor.width_m))
 }
 
 fn outline(panel: &Panel, actor: &Actor, step: usize) -> Option<Shape> {
-    let corners = corners(actor, step)?;
+    let corners = shape(actor, step)?.corners();
     panel.shows(&corners).then(|| panel.closed(&corners, Ink::line(colour(actor.role), 0.5)))
 }
 
-fn boxed(panel: &Panel, actor: &Actor) -> Option<Shape> {
-    let corners = corners(actor, panel.step)?;
-    let ink = match actor.role {
-        Role::Ghost => Ink::line(TRAFFIC, 0.4).dashed(),
-        role => Ink::fill(colour(role)).edged(WHITE, 0.3),
-    };
-    panel.shows(&corners).then(|| panel.closed(&corners, ink))
+/// The shortest box that has a windscreen, metres: people on foot have none.
+const WITH_A_WINDSCREEN_M: f64 = 1.4;
+
+/// Somebody's box, with a pane that says which way it heads.
+fn boxed(panel: &Panel, actor: &Actor) -> Vec<Shape> {
+    let Some(shape) = shape(actor, panel.step).filter(|shape| panel.shows(&shape.corners())) else { return Vec::new() };
+    let corners = shape.corners();
+    if actor.role == Role::Ghost {
+        return vec![panel.closed(&corners, Ink::line(TRAFFIC, 0.4).dashed())];
+    }
+    let mut shapes = vec![panel.closed(&corners, Ink::fill(colour(actor.role)).edged(WHITE, 0.3))];
+    if actor.length_m > WITH_A_WINDSCREEN_M {
+        shapes.push(panel.closed(&windscreen(&shape), Ink::fill(WHITE)));
+    }
+    shapes
 }
 
 /// Of the Okabe and Ito palette where somebody matters.
@@ -160,14 +175,17 @@ mod tests {
 
     #[test]
     fn a_panel_has_who_is_in_sight_and_the_contact_from_when_it_happens() {
-        // Ground, two ways, two boxes; the road's edge and a third vehicle are far away.
+        // Ground, two ways, two boxes with their windscreens; the road's edge and a third vehicle are far away.
         let before = shapes(2);
-        assert_eq!(before.len(), 5, "{before:?}");
+        assert_eq!(before.len(), 7, "{before:?}");
         // Two crosses of two lines each, one as the other's rim.
-        assert_eq!(shapes(3).len(), 9);
+        assert_eq!(shapes(3).len(), 11);
         let Shape::Path(corners, _) = &before[3] else { panic!("{before:?}") };
         // The ego's middle is 2 m right of the panel's, which is 4 points there.
         let middle = corners[..4].iter().fold((0.0, 0.0), |sum, p| (sum.0 + 0.25 * p.0, sum.1 + 0.25 * p.1));
         assert!((middle.0 - 54.0).abs() < 1e-9 && (middle.1 - 30.0).abs() < 1e-9, "{middle:?}");
+        // It heads to the right, so its windscreen lies right of its middle.
+        let Shape::Path(pane, _) = &before[4] else { panic!("{before:?}") };
+        assert!(pane.iter().all(|(x, _)| *x > middle.0 && *x < 58.0), "{pane:?}");
     }
 }

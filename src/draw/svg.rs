@@ -446,11 +446,16 @@ fn draw_actor(out: &mut String, actor: &Actor, view: &View, step: usize, options
         let r = 0.55 * shape.half_width_m * view.scale;
         let _ = writeln!(out, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{r:.1}\" fill=\"{}\"/>", palette.outline);
     } else if actor.length_m > 1.4 {
-        let (l, w) = (shape.half_length_m, 0.78 * shape.half_width_m);
-        let ahead = |along: f64, aside: f64| centre + shape.axis * along + shape.axis.left() * aside;
-        let pane = [ahead(0.5 * l, w), ahead(0.5 * l, -w), ahead(0.2 * l, -w), ahead(0.2 * l, w)];
-        let _ = writeln!(out, "<path d=\"{}Z\" fill=\"{}\" fill-opacity=\"0.75\"/>", view.path(&pane), palette.outline);
+        let pane = view.path(&windscreen(&shape));
+        let _ = writeln!(out, "<path d=\"{pane}Z\" fill=\"{}\" fill-opacity=\"0.75\"/>", palette.outline);
     }
+}
+
+/// Corners of the pane that says which way a box goes.
+pub(super) fn windscreen(shape: &OrientedBox) -> [Vec2; 4] {
+    let (l, w) = (shape.half_length_m, 0.78 * shape.half_width_m);
+    let ahead = |along: f64, aside: f64| shape.center + shape.axis * along + shape.axis.left() * aside;
+    [ahead(0.5 * l, w), ahead(0.5 * l, -w), ahead(0.2 * l, -w), ahead(0.2 * l, w)]
 }
 
 /// How often larger than it is somebody small is drawn, so that it is seen from afar.

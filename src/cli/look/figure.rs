@@ -121,8 +121,11 @@ fn cases(runs: &[FolderAndRun], jobs: usize) -> Result<Vec<Case>, Failure> {
                 let scene = std::slice::from_ref(&won.scene);
                 let played =
                     rollout::of_attempt(&OneRun::of(&folder.dir), solution.as_str(), scene, jobs)?.swap_remove(0);
-                let ending = playables::end_in_words(&played.outcome).to_string();
-                Ok(Side { drawing: played.drawing(), ending })
+                let ending = match played.outcome.contact.filter(|contact| contact.adversary) {
+                    Some(contact) => figures::met_in_words(contact.class),
+                    None => playables::end_in_words(&played.outcome),
+                };
+                Ok(Side { drawing: played.drawing(), ending: ending.to_string() })
             };
             let (original, evolved) = (side(&won.original)?, side(&won.evolved)?);
             cases.push(Case { won, original, evolved });

@@ -8,8 +8,8 @@ use super::legend::{self, source};
 use crate::archive::hypervolume;
 use crate::draw::{Axes, BLACK, BLUE, Figure, Ink, Mark, ORANGE, Scale};
 use crate::evidence::recorded_run::RecordedRun;
+use crate::evidence::tables::called;
 use crate::kernel::num;
-use crate::objects::LineageId;
 use crate::objects::benchmark::ArchiveRound;
 
 /// Grey that many lines may lie upon each other in.
@@ -33,14 +33,16 @@ pub fn areas(rounds: &[&ArchiveRound]) -> BTreeMap<String, Vec<f64>> {
 }
 
 /// A lineage's areas, and the means of its parent's where that was drawn as often.
-struct Panel<'s> {
-    lineage: &'s LineageId,
+struct Panel {
+    /// Its method, and the ego that it is evolved against.
+    name: String,
+    ego: String,
     areas: BTreeMap<String, Vec<f64>>,
     redrawn: Vec<f64>,
 }
 
 /// A panel a lineage, in their order.
-fn panels(runs: &[RecordedRun]) -> Vec<Panel<'_>> {
+fn panels(runs: &[RecordedRun]) -> Vec<Panel> {
     let mut panels = Vec::new();
     for (run, parent) in runs.iter().flat_map(|run| run.parents.iter().map(move |parent| (run, parent))) {
         let lineage = &parent.lineage;
@@ -49,7 +51,9 @@ fn panels(runs: &[RecordedRun]) -> Vec<Panel<'_>> {
         let redrawn = run.redrawn.iter().filter(|of| of.lineage == *lineage).flat_map(|of| &of.rounds);
         if !rounds.is_empty() {
             let redrawn = means(&areas(&redrawn.collect::<Vec<_>>()));
-            panels.push(Panel { lineage, areas: areas(&rounds), redrawn });
+            let called = called(run, lineage);
+            let (name, ego) = called.split_once(" against ").unwrap_or((&called, ""));
+            panels.push(Panel { name: name.into(), ego: ego.into(), areas: areas(&rounds), redrawn });
         }
     }
     panels
@@ -77,15 +81,20 @@ pub fn area_rounds(runs: &[RecordedRun]) -> Result<Figure, FigureError> {
         (Mark::Disc, Ink::fill(BLUE), "the parent, drawn as often"),
     ];
     legend::row(&mut sheet, (30.0, 12.0), &signs);
+    let egos: BTreeSet<&str> = measured.iter().map(|of| of.ego.as_str()).collect();
     let highest = measured.iter().flat_map(|of| of.areas.values().flatten()).copied().fold(0.0, f64::max);
     for (place, of) in measured.iter().enumerate() {
         let left = 40.0 + 110.0 * (place % 4) as f64;
         let top = 36.0 + 155.0 * (place / 4) as f64;
         panel(&mut sheet, [left, top, 82.0, 100.0], of, highest, place % 4 == 0);
+        // A panel says its ego only where there are several.
+        let ego = if egos.len() > 1 { format!(", {}", of.ego) } else { String::new() };
+        sheet.heading((left - 16.0, top - 6.0), 7.5, format!("{}{ego}", of.name));
     }
+    let all_against = if egos.len() > 1 { String::new() } else { format!("All against {}. ", measured[0].ego) };
     let runs: Vec<&RecordedRun> = runs.iter().collect();
     let caption = format!(
-        "Area of attack and ARS from the origin, of all scenes that balanced selection kept in a group up to the round; round 0 is the \
+        "{all_against}Area of attack and ARS from the origin, of all scenes that balanced selection kept in a group up to the round; round 0 is the \
          parent's. It can only grow, whatever is drawn: the parent that takes every program's place shows how much of it is that. {}",
         source(&runs)
     );
@@ -93,12 +102,11 @@ pub fn area_rounds(runs: &[RecordedRun]) -> Result<Figure, FigureError> {
     Ok(sheet)
 }
 
-fn panel(sheet: &mut Figure, place: [f64; 4], of: &Panel<'_>, highest: f64, named: bool) {
+fn panel(sheet: &mut Figure, place: [f64; 4], of: &Panel, highest: f64, named: bool) {
     let rounds = of.areas.values().map(Vec::len).max().unwrap_or(1);
     let last = rounds.saturating_sub(1) as f64;
     let ticks = (0..rounds).map(|round| round as f64).collect();
     let axes = Axes { place, across: Scale::fixed(-0.3, last + 0.3, ticks), up: Scale::over([0.0, highest], 4) };
-    sheet.heading((place[0], place[1] - 6.0), 8.0, of.lineage.as_str());
     axes.draw(sheet, "Round", if named { "Pareto area" } else { "" });
     for values in of.areas.values() {
         let points = values.iter().enumerate().map(|(round, value)| axes.at(round as f64, *value)).collect();

@@ -5,7 +5,7 @@ use super::error::FigureError;
 use super::legend::{self, LETTERS, source};
 use crate::draw::{
     Anchor, Axes, BLACK, BLUE, Figure, GREEN, GREY, Ink, LIGHT, Mark, ORANGE, PURPLE, Rgb, Scale, VERMILION, WHITE,
-    Words, in_font, wrapped,
+    Words, in_font, told, width, wrapped,
 };
 use crate::evidence::credit::{Credit, Gain};
 use crate::evidence::recorded_run::RecordedRun;
@@ -55,9 +55,9 @@ const CHAIN_WIDE: f64 = WIDE - CHAIN_LEFT - 10.0;
 /// From the head of a lineage to its plots, and of the rows below them.
 const HEAD: f64 = 18.0;
 const ROW: f64 = 12.0;
-/// Most programs of a chain that are told, and most lines of what each does and of what its proposer expected.
+/// Most programs of a chain that are told, and most lines of what a proposer expected, in whole sentences.
 const TOLD_MAX: usize = 8;
-const LINES_MAX: usize = 2;
+const LINES_MAX: usize = 4;
 /// Most lineages of a sheet.
 const LINEAGES_MAX: usize = 6;
 
@@ -85,7 +85,10 @@ pub fn case_evolution(all: &[Evolved<'_>]) -> Result<Figure, FigureError> {
         sheet.height += 6.0;
     }
     let safebench = !first.run.rounds.is_empty();
-    let score = if safebench { "100 CR (1-OS) ARS Valid" } else { "100 A R" };
+    let score = match safebench {
+        true => "100 times attack, CR (1 - OS), times ARS times the share of valid runs,",
+        false => "100 times attack times strict realism",
+    };
     let shown = all.iter().any(|of| of.credit.is_some());
     let chain = match shown {
         true => {
@@ -183,7 +186,7 @@ fn steps(
         }
     }
     let (mut best, mut curve) = (first.unwrap_or(0.0), vec![axes.at(0.0, first.unwrap_or(0.0))]);
-    let mut numbers = Vec::new();
+    let (mut numbers, mut names) = (Vec::new(), Vec::new());
     for (at, attempt) in attempts.iter().enumerate() {
         let step = at as f64 + 1.0;
         let of_row = row(attempt);
@@ -204,11 +207,16 @@ fn steps(
             let taken = numbers.iter().any(|(a, b): &(f64, f64)| (a - x).abs() < 12.0 && (b - above.1).abs() < 9.0);
             let at = if above.1 - LETTERS < top || taken { (x, y + 13.0) } else { above };
             numbers.push(at);
-            sheet.text(at, LETTERS, Anchor::Middle, format!("p{nth}"));
+            names.push((at, format!("p{nth}")));
         }
     }
     curve.push(axes.at(last + 1.0, best));
     sheet.path(curve, Ink::line(BLACK, 1.2));
+    for (at, name) in names {
+        let wide = width(&name, LETTERS);
+        sheet.rect([at.0 - 0.5 * wide - 0.5, at.1 - 0.78 * LETTERS, wide + 1.0, LETTERS], Ink::fill(WHITE));
+        sheet.text(at, LETTERS, Anchor::Middle, name);
+    }
     sheet.mark(Mark::Disc, axes.at(0.0, first.unwrap_or(0.0)), 2.6, Ink::fill(WHITE).edged(BLACK, 1.2));
     for (nth, (name, mark, ink)) in ROWS.into_iter().enumerate() {
         let y = rows_top + ROW * (nth as f64 + 0.5);
@@ -304,14 +312,14 @@ fn patches(sheet: &mut Figure, run: &RecordedRun, chain: &[&Program]) {
         let Some(patch) = made(run, &after.solution_id).and_then(|attempt| attempt.proposal.patch()) else { continue };
         sheet.heading((8.0, y), LETTERS, format!("p{}", nth + 1));
         let room = WIDE - 36.0;
-        for line in wrapped(&patch_in_words(before, after), LETTERS, room, LINES_MAX) {
+        for line in wrapped(&patch_in_words(before, after), LETTERS, room, usize::MAX) {
             sheet.text((28.0, y), LETTERS, Anchor::Start, line);
             y += 9.5;
         }
         // A stand-in expects nothing, and a draw neither: their words repeat the patch.
         let by_rule = matches!(run.proposer().as_str(), "scripted" | "random");
         let expected = format!("Its proposer expected: {}", in_font(patch.hypothesis.trim()));
-        let lines = if by_rule { Vec::new() } else { wrapped(&expected, 7.0, room, LINES_MAX) };
+        let lines = if by_rule { Vec::new() } else { told(&expected, 7.0, room, LINES_MAX) };
         for line in lines {
             let (size, anchor, bold, upwards) = (7.0, Anchor::Start, false, false);
             sheet.words(Words { at: (28.0, y), size, anchor, bold, colour: GREY, upwards, text: line });

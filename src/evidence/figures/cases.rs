@@ -6,8 +6,9 @@
 use super::error::FigureError;
 use super::legend::{self, LETTERS, source};
 use crate::draw::{
-    Actor, Anchor, BLACK, Drawing, Figure, GREEN, GREY, Ink, Mark, PURPLE, Panel, Role, Words, colour, panel, wrapped,
+    Actor, Anchor, BLACK, Drawing, Figure, GREY, Ink, Mark, Panel, Role, Words, colour, panel, roles_in, wrapped,
 };
+use crate::evaluation::ContactClass;
 use crate::evidence::recorded_run::{Became, RecordedRun};
 use crate::evidence::tables::called;
 use crate::kernel::Vec2;
@@ -40,6 +41,20 @@ pub struct Side {
     pub drawing: Drawing,
     /// How it ended, in a few words.
     pub ending: String,
+}
+
+/// Who does what to whom in a contact of the ego with an adversary.
+pub fn met_in_words(class: ContactClass) -> &'static str {
+    match class {
+        ContactClass::EgoStrikes => "the ego runs into the adversary",
+        ContactClass::EgoSideswipes => "the ego sideswipes the adversary",
+        ContactClass::StationaryHit => "the ego runs into the standing adversary",
+        ContactClass::CutIn => "the adversary cuts in on the ego",
+        ContactClass::Crossing => "the adversary crosses the ego's way",
+        ContactClass::HeadOn => "the adversary meets the ego head on",
+        ContactClass::Sideswipe => "the adversary sideswipes the ego",
+        ContactClass::RearEndEgoStruck => "the adversary rams the ego from behind",
+    }
 }
 
 /// The scene of every lineage that has one; lineages whose reported program is their parent, or wins nothing, have none.
@@ -95,40 +110,67 @@ pub fn cases(cases: &[Case], runs: &[RecordedRun]) -> Result<Figure, FigureError
     let scenes: Vec<&str> = cases.iter().map(|case| case.won.scene.as_str()).collect();
     let title = format!("Scenes by the original and the evolved generator: {}", scenes.join(", "));
     let mut sheet = Figure::new(2.0 * (PANEL[0] + LEFT) + GAP, 30.0 + ROW * cases.len() as f64, title);
-    let sign = |role: Role, text: &'static str| (Mark::Square, Ink::fill(colour(role)), text);
-    let signs = [
-        sign(Role::Ego, "ego"),
-        sign(Role::Adversary, "adversary"),
-        sign(Role::Traffic, "traffic"),
-        (Mark::Square, Ink::fill(GREEN), "cyclist"),
-        (Mark::Square, Ink::fill(PURPLE), "pedestrian"),
-        (Mark::Cross, Ink::line(BLACK, 1.2), "contact"),
-    ];
-    legend::row(&mut sheet, (LEFT, 14.0), &signs);
+    legend::row(&mut sheet, (LEFT, 14.0), &signs(cases));
     for (place, case) in cases.iter().enumerate() {
         row(&mut sheet, 26.0 + ROW * place as f64, case);
     }
     let rule = "Of the held-out scenes in which the reported program attacks and its parent does not, the one with the highest realism. Both at \
                 the time at which the evolved rollout ends, or at their own end before it. Gained: such scenes; lost: those the other way round.";
-    legend::foot(&mut sheet, &format!("{rule} {}", source(&runs.iter().collect::<Vec<_>>())));
+    let boxes = "The white pane of a box is its windscreen, so that it heads that way.";
+    legend::foot(&mut sheet, &format!("{boxes} {rule} {}", source(&runs.iter().collect::<Vec<_>>())));
     Ok(sheet)
 }
 
+/// The signs that some panel has, and no other.
+fn signs(cases: &[Case]) -> Vec<legend::Entry<'static>> {
+    let panels = || cases.iter().flat_map(|case| [(&case.original, case), (&case.evolved, case)]);
+    let seen: Vec<Role> = panels()
+        .flat_map(|(side, case)| {
+            let step = shown_step(side, case);
+            roles_in(&side.drawing, &around_ego(side, step, [0.0, 0.0, PANEL[0], PANEL[1]]))
+        })
+        .collect();
+    let words = [
+        (&[Role::Ego][..], "ego"),
+        (&[Role::Adversary], "adversary"),
+        (&[Role::Interacting, Role::Traffic, Role::Static], "traffic"),
+        (&[Role::Cyclist], "cyclist"),
+        (&[Role::Pedestrian], "pedestrian"),
+    ];
+    let is_seen = |roles: &[Role]| roles.iter().any(|role| seen.contains(role));
+    let fill = |(roles, words): (&[Role], &'static str)| (Mark::Square, Ink::fill(colour(roles[0])), words);
+    let mut signs: Vec<legend::Entry<'static>> = words.into_iter().filter(|(of, _)| is_seen(of)).map(fill).collect();
+    if is_seen(&[Role::Ghost]) {
+        signs.push((Mark::Square, Ink::line(GREY, 0.6).dashed(), "where the recording has it"));
+    }
+    let met = |(side, case): (&Side, &Case)| {
+        side.drawing.contact.as_ref().is_some_and(|contact| contact.step <= shown_step(side, case))
+    };
+    if panels().any(met) {
+        signs.push((Mark::Cross, Ink::line(BLACK, 1.2), "contact"));
+    }
+    signs
+}
+
+/// The step at which a side is shown: where the evolved rollout ends, or its own end before it.
+fn shown_step(side: &Side, case: &Case) -> usize {
+    side_end(&case.evolved).min(side.drawing.steps.saturating_sub(1))
+}
+
+/// What a panel shows of a side at a step.
+fn around_ego(side: &Side, step: usize, place: [f64; 4]) -> Panel {
+    let ego = side.drawing.actors.iter().find(|actor| actor.role == Role::Ego);
+    let middle = ego.and_then(|ego| place_at(ego, step)).unwrap_or(Vec2::ZERO);
+    Panel { place, middle, width_m: WIDTH_M, step, ghosts: Vec::new() }
+}
+
 fn row(sheet: &mut Figure, top: f64, case: &Case) {
-    let end = |side: &Side| side.drawing.steps.saturating_sub(1);
-    let moment = side_end(&case.evolved);
     let WonScene { method, gained, lost, .. } = &case.won;
     sheet.heading((LEFT, top + 8.0), LETTERS, format!("{method}: {} gained, {lost} lost", counted(*gained, "scene")));
     for (place, (head, side)) in [("original", &case.original), ("evolved", &case.evolved)].into_iter().enumerate() {
         let x = LEFT + place as f64 * (PANEL[0] + GAP);
-        let step = moment.min(end(side));
-        let ego = side.drawing.actors.iter().find(|actor| actor.role == Role::Ego);
-        let middle = ego.and_then(|ego| place_at(ego, step)).unwrap_or(Vec2::ZERO);
-        panel(
-            sheet,
-            &side.drawing,
-            &Panel { place: [x, top + 12.0, PANEL[0], PANEL[1]], middle, width_m: WIDTH_M, step, ghosts: Vec::new() },
-        );
+        let step = shown_step(side, case);
+        panel(sheet, &side.drawing, &around_ego(side, step, [x, top + 12.0, PANEL[0], PANEL[1]]));
         // The parent's labels say that it did not attack there, so this contact is one that the ego could not avoid or has anyway.
         let spared = place == 0 && side.drawing.contact.as_ref().is_some_and(|contact| contact.step <= step);
         let counts = if spared { ", which does not count as an attack" } else { "" };
@@ -188,6 +230,9 @@ mod tests {
         }
         let panels = sheet.shapes.iter().filter(|shape| matches!(shape, Shape::Within(..))).count();
         assert_eq!(panels, 2);
+        for (sign, there) in [("ego", true), ("contact", true), ("adversary", false), ("cyclist", false)] {
+            assert_eq!(words.iter().any(|line| line == sign), there, "the legend and {sign}: {words:?}");
+        }
         let case = Case { won: won(), original: side(Some(10), 11), evolved: side(Some(20), 30) };
         let sheet = cases(&[case], &[]).unwrap();
         let mut words = sheet.shapes.iter().filter_map(text);

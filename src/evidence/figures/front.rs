@@ -4,8 +4,7 @@
 use super::error::FigureError;
 use super::legend;
 use crate::draw::{
-    Anchor, Axes, BLACK, BLUE, Figure, GREEN, GREY, Ink, LIGHT, Mark, ORANGE, PURPLE, Rgb, Scale, VERMILION, WHITE,
-    Words,
+    Axes, BLACK, BLUE, Figure, GREEN, GREY, Ink, LIGHT, Mark, ORANGE, PURPLE, Rgb, Scale, VERMILION, WHITE, tick_text,
 };
 use crate::evidence::recorded_run::RecordedRun;
 use crate::evidence::tables::{Estimate, Placed, PlacedPoint, SearchKind, placed};
@@ -81,10 +80,10 @@ pub fn front(runs: &[RecordedRun], named: &[LineageId]) -> Result<Figure, Figure
         let known = panels.into_iter().map(|panel| panel.title).collect();
         return Err(FigureError::TooManyLineages { most: PANELS_MAX, known });
     }
-    Ok(drawn(&panels))
+    Ok(drawn(&panels, &legend::source(&runs.iter().collect::<Vec<_>>())))
 }
 
-fn drawn(panels: &[Panel]) -> Figure {
+fn drawn(panels: &[Panel], source: &str) -> Figure {
     let beside = panels.len().min(BESIDE);
     let wide = if panels.len() == 1 { NARROW } else { WIDE };
     let rows = panels.len().div_ceil(BESIDE);
@@ -109,9 +108,17 @@ fn drawn(panels: &[Panel]) -> Figure {
             [column as f64 * room + left, head + row as f64 * HIGH + above, room - left - 8.0, HIGH - above - below];
         let ticks =
             [0.0, 0.25, 0.5, 0.75, 1.0].into_iter().filter(|tick| panels.len() == 1 || *tick * 2.0 % 1.0 == 0.0);
-        let across = Scale::fixed(-0.04, 1.04, ticks.collect());
-        one(&mut sheet, &Axes { place, across, up: up.clone() }, panel, (column == 0, row + 1 == rows, at == 0));
+        // A point's sign has room beyond 1, not below 0: there the axes meet.
+        let across = Scale::fixed(0.0, 1.06, ticks.collect());
+        one(&mut sheet, &Axes { place, across, up: up.clone() }, panel, (column == 0, row + 1 == rows));
     }
+    let note = format!(
+        "Up and to the right is better. Shaded: what the parent and the first search of the legend dominate, from where the axes begin, attack {} and          strict realism {}. Dashed: realism {FLOOR}, the floor of what is reported. Bars: 95 % intervals.{}",
+        tick_text(0.0, &[0.0]),
+        tick_text(up.ticks[0], &up.ticks),
+        if up.ticks[0] > REALISM_MIN { "" } else { " A point below the axis is drawn on it." }
+    );
+    legend::foot(&mut sheet, &format!("{note} {source}"));
     sheet
 }
 
@@ -122,14 +129,14 @@ fn realisms(panels: &[Panel]) -> Scale {
     let low = all.fold(FLOOR - 0.01, f64::min).max(REALISM_MIN);
     let low = (low * 20.0 + 1e-9).floor() / 20.0;
     let count = ((1.0 - low) * 20.0).round() as usize;
-    Scale::fixed(low - 0.005, 1.005, (0..=count).map(|k| low + 0.05 * k as f64).collect())
+    Scale::fixed(low, 1.005, (0..=count).map(|k| low + 0.05 * k as f64).collect())
 }
 
 fn ink(mark: Mark, colour: Rgb) -> Ink {
     if mark == Mark::Cross { Ink::line(colour, 1.4) } else { Ink::fill(colour).edged(WHITE, 0.4) }
 }
 
-fn one(sheet: &mut Figure, axes: &Axes, panel: &Panel, (first_column, last_row, first): (bool, bool, bool)) {
+fn one(sheet: &mut Figure, axes: &Axes, panel: &Panel, (first_column, last_row): (bool, bool)) {
     let [left, top, wide, high] = axes.place;
     let parent = panel.all.first().map(|of| of.parent);
     // The model's program, or else the one that gains most, shows what a search adds.
@@ -157,13 +164,6 @@ fn one(sheet: &mut Figure, axes: &Axes, panel: &Panel, (first_column, last_row, 
     if let Some(parent) = parent {
         shown(sheet, axes, &parent, PARENT, 2.6);
     }
-    if first {
-        words(sheet, (left + wide - 2.0, top + high - 4.0), Anchor::End, "better: up and right");
-    }
-}
-
-fn words(sheet: &mut Figure, at: (f64, f64), anchor: Anchor, text: &str) {
-    sheet.words(Words { at, size: LETTERS, anchor, bold: false, colour: GREY, upwards: false, text: text.into() });
 }
 
 /// A point that lies below the scale is drawn on its lower edge.
@@ -187,7 +187,7 @@ fn shown(sheet: &mut Figure, axes: &Axes, point: &PlacedPoint, (mark, colour): (
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::draw::{Shape, pdf};
+    use crate::draw::{Anchor, Shape, Words, pdf};
 
     fn point(attack: f64, realism: f64) -> PlacedPoint {
         let with =
@@ -220,7 +220,7 @@ mod tests {
         for panels in
             [vec![panel("CAT", 0.97)], ["A", "B", "C", "D", "E"].map(|title| panel(title, 0.97)).into_iter().collect()]
         {
-            let figure = drawn(&panels);
+            let figure = drawn(&panels, "Recorded: x.");
             assert!(pdf(&figure).is_ok());
             for words in texts(&figure) {
                 assert!(words.size >= LETTERS, "{words:?}");
@@ -233,7 +233,7 @@ mod tests {
 
     #[test]
     fn every_search_has_its_own_mark_and_is_named_once() {
-        let figure = drawn(&[panel("CAT", 0.97), panel("AT", 0.97)]);
+        let figure = drawn(&[panel("CAT", 0.97), panel("AT", 0.97)], "Recorded: x.");
         for name in ["parent", "language model", "rule-based stand-in"] {
             assert_eq!(texts(&figure).iter().filter(|words| words.text == name).count(), 1, "{name}");
         }

@@ -19,7 +19,7 @@ mod world_order;
 
 pub use area_rounds::area_rounds;
 pub use case_evolution::{Evolved, case_evolution, credit_of, with_a_chain};
-pub use cases::{Case, Side, WonScene, cases, won_scenes};
+pub use cases::{Case, Side, WonScene, cases, met_in_words, won_scenes};
 pub use contact_bars::contact_bars;
 pub use edits::patch_surface;
 pub use error::FigureError;

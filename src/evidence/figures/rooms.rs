@@ -46,13 +46,16 @@ pub fn rooms(page: &str) -> Vec<Room> {
 }
 
 const COLOURS: [Rgb; 5] = [SKY, GREEN, YELLOW, ORANGE, PURPLE];
-/// Boxes of a row, their size and the room between, points.
+/// Boxes of a row, the width of one and the room between, points.
 const IN_A_ROW: usize = 3;
-const BOX: [f64; 2] = [132.5, 66.0];
+const BOX: f64 = 132.5;
 const GAP: f64 = 5.0;
 const LEFT: f64 = 62.0;
-/// Size of letters in a box, points.
+/// Size of letters in a box, and from one line to the next, points.
 const LETTERS: f64 = 7.0;
+const LINE: f64 = 8.2;
+/// From a box's top to its first line, which stands below the name.
+const HEAD: f64 = 20.0;
 
 /// The rooms as boxes, a band a floor, the ground at the bottom.
 pub fn architecture() -> Result<Figure, FigureError> {
@@ -74,15 +77,23 @@ fn drawn(page: &str) -> Result<Figure, FigureError> {
     sheet.heading((10.0, 14.0), 9.0, "The rooms of the code: each may import only from those below it");
     for (place, floor) in floors.iter().enumerate().rev() {
         let rooms = by_floor.get(floor).map(Vec::as_slice).unwrap_or_default();
-        let high = rooms.len().div_ceil(IN_A_ROW) as f64 * (BOX[1] + GAP) + GAP;
-        band(&mut sheet, floor, rooms, COLOURS[place % COLOURS.len()], high);
+        band(&mut sheet, floor, rooms, COLOURS[place % COLOURS.len()]);
     }
     legend::foot(&mut sheet, "From the table of docs/ARCHITECTURE.md, which a test holds to the imports of the code.");
     Ok(sheet)
 }
 
-fn band(sheet: &mut Figure, floor: &str, rooms: &[&Room], colour: Rgb, high: f64) {
+/// What a room holds, as lines of its box; none is left out.
+fn lines(room: &Room) -> Vec<String> {
+    wrapped(&room.holds, LETTERS, BOX - 8.0, usize::MAX)
+}
+
+fn band(sheet: &mut Figure, floor: &str, rooms: &[&Room], colour: Rgb) {
     let top = sheet.height;
+    // The boxes of a row are as high as the fullest one needs.
+    let fullest = |row: &[&Room]| row.iter().map(|room| lines(room).len()).max().unwrap_or(0);
+    let heights: Vec<f64> = rooms.chunks(IN_A_ROW).map(|row| HEAD + LINE * fullest(row) as f64).collect();
+    let high = heights.iter().map(|own| own + GAP).sum::<f64>() + GAP;
     let pale = colour.map(|part| 255 - (255 - part) / 4);
     sheet.rect([10.0, top, 450.0, high - 2.0], Ink::fill(pale));
     sheet.words(Words {
@@ -95,21 +106,21 @@ fn band(sheet: &mut Figure, floor: &str, rooms: &[&Room], colour: Rgb, high: f64
         text: floor.to_string(),
     });
     for (place, room) in rooms.iter().enumerate() {
-        let (column, line) = ((place % IN_A_ROW) as f64, (place / IN_A_ROW) as f64);
-        let x = LEFT - 18.0 + column * (BOX[0] + GAP);
-        let y = top + GAP - 1.0 + line * (BOX[1] + GAP);
-        sheet.rect([x, y, BOX[0], BOX[1]], Ink::fill([255, 255, 255]).edged(GREY, 0.6));
+        let (column, row) = ((place % IN_A_ROW) as f64, place / IN_A_ROW);
+        let x = LEFT - 18.0 + column * (BOX + GAP);
+        let y = top + GAP - 1.0 + heights[..row].iter().map(|own| own + GAP).sum::<f64>();
+        sheet.rect([x, y, BOX, heights[row]], Ink::fill([255, 255, 255]).edged(GREY, 0.6));
         sheet.heading((x + 4.0, y + 10.5), 8.5, room.name.as_str());
         let imports = match room.imports {
             Some(1) => "imports 1 room".to_string(),
             Some(count) => format!("imports {count} rooms"),
             None => "imports any room".to_string(),
         };
-        let (at, anchor) = ((x + BOX[0] - 3.0, y + 9.5), Anchor::End);
+        let (at, anchor) = ((x + BOX - 3.0, y + 9.5), Anchor::End);
         let small = Words { at, size: LETTERS, anchor, bold: false, colour: GREY, upwards: false, text: imports };
         sheet.words(small);
-        for (nth, line) in wrapped(&room.holds, LETTERS, BOX[0] - 8.0, 6).into_iter().enumerate() {
-            sheet.text((x + 4.0, y + 20.0 + 8.2 * nth as f64), LETTERS, Anchor::Start, line);
+        for (nth, line) in lines(room).into_iter().enumerate() {
+            sheet.text((x + 4.0, y + HEAD + LINE * nth as f64), LETTERS, Anchor::Start, line);
         }
     }
     sheet.height += high;

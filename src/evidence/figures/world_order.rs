@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::error::FigureError;
-use super::legend::{self, LETTERS, source};
+use super::legend::{self, source};
 use crate::draw::{Anchor, Axes, BLACK, BLUE, Figure, GREY, Ink, Mark, Scale};
 use crate::evidence::evaluator::order::{Epoch, epochs};
 use crate::evidence::evaluator::report;
@@ -28,9 +28,10 @@ pub fn world_order(runs: &[RecordedRun]) -> Result<Figure, FigureError> {
     legend::row(&mut sheet, (130.0, 12.0), &signs);
     evaluations(&mut sheet, &asked);
     yields(&mut sheet, &asked);
-    correlation(&mut sheet, &all, &asked);
+    let pooled = correlation(&mut sheet, &all, &asked);
+    let dashed = pooled.map_or(String::new(), |pooled| format!(" Dashed: over all epochs, {pooled:.2}."));
     let caption = format!(
-        "{} epochs of {} lineages in which every admitted candidate was ranked and simulated; useful: accepted by the archive. {}",
+        "{} epochs of {} lineages in which every admitted candidate was ranked and simulated; useful: accepted by the archive.{dashed} {}",
         asked.len(),
         asked.iter().map(|epoch| &epoch.lineage).collect::<std::collections::BTreeSet<_>>().len(),
         source(&all)
@@ -61,9 +62,9 @@ fn evaluations(sheet: &mut Figure, asked: &[Epoch]) {
         for (value, colour, dx) in [(random, GREY, -14.0), (ranked, BLUE, 1.0)] {
             let (left, top) = (axes.x(n as f64) + dx, axes.y(value));
             sheet.rect([left, top, 13.0, bottom - top], Ink::fill(colour));
-            sheet.text((left + 6.5, top - 2.0), 6.0, Anchor::Middle, format!("{value:.1}"));
+            sheet.text((left + 6.5, top - 2.0), 6.5, Anchor::Middle, format!("{value:.1}"));
         }
-        sheet.text((axes.x(n as f64), axes.place[1] - 2.0), 6.0, Anchor::Middle, format!("{count} epochs"));
+        sheet.text((axes.x(n as f64), axes.place[1] - 2.0), 6.5, Anchor::Middle, format!("{count} epochs"));
     }
 }
 
@@ -89,7 +90,8 @@ fn yields(sheet: &mut Figure, asked: &[Epoch]) {
     }
 }
 
-fn correlation(sheet: &mut Figure, runs: &[&RecordedRun], asked: &[Epoch]) {
+/// Draws the correlation by epoch and gives that over all.
+fn correlation(sheet: &mut Figure, runs: &[&RecordedRun], asked: &[Epoch]) -> Option<f64> {
     sheet.heading((333.0, 28.0), 8.5, "Rank against labelled gain");
     let mut by_epoch: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
     let mut pooled = Vec::new();
@@ -119,10 +121,6 @@ fn correlation(sheet: &mut Figure, runs: &[&RecordedRun], asked: &[Epoch]) {
     if let Some(pooled) = pooled {
         let y = axes.y(pooled);
         sheet.line((axes.place[0], y), (axes.place[0] + axes.place[2], y), Ink::line(BLUE, 0.8).dashed());
-        let text = format!("all epochs: {pooled:.2}");
-        // Above its line, or below it where the line of zero would run through the letters.
-        let struck = (y - LETTERS - 3.5..y - 1.0).contains(&axes.y(0.0));
-        let base = if struck { y + LETTERS } else { y - 2.5 };
-        sheet.text((axes.place[0] + axes.place[2], base), LETTERS - 1.0, Anchor::End, text);
     }
+    pooled
 }

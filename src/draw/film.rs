@@ -61,8 +61,8 @@ const LETTER: RasterHeight = RasterHeight::Size16;
 /// Height of a line of words, pixels, and what lies around the head's lines.
 const LINE_PX: usize = 18;
 const EDGE_PX: usize = 6;
-/// Lines of the title at most.
-const TITLE_LINES: usize = 2;
+/// Lines of the title at most: a sentence on how a rollout ended fits a narrow film.
+const TITLE_LINES: usize = 4;
 
 /// The pictures, made side by side.
 pub fn film(drawing: &Drawing, options: &FilmOptions, threads: &Threads) -> Result<Film, FilmError> {

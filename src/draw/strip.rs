@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use super::drawing::{Drawing, Role};
+use super::drawing::{Actor, Contact, Drawing, Role};
 use super::figure::{Anchor, Figure};
 use super::helvetica::wrapped;
 use super::panel::{Panel, panel};
@@ -46,12 +46,49 @@ const CLOSE_PANELS: usize = 2;
 const CLOSE_M: (f64, f64) = (36.0, 90.0);
 const CLOSE_AROUND_M: f64 = 8.0;
 
-/// What the panel at a place of the strip shows: the last ones the contact with ego and adversaries, where there is one and others come before them.
+/// Around the ways of ego and striker in the first panels, and their least width, wider than the close ones, metres.
+const AROUND_WAYS_M: f64 = 10.0;
+const WAYS_M: f64 = 54.0;
+
+/// Who meets the ego: whoever else is nearest to the contact when it happens.
+fn striker<'d>(drawing: &'d Drawing, contact: &Contact) -> Option<&'d Actor> {
+    let away = |actor: &Actor| {
+        let [x, y, ..] = (*actor.samples.get(contact.step)?)?;
+        Some(Vec2::new(x, y).distance(contact.point))
+    };
+    let others = drawing.actors.iter().filter(|actor| !matches!(actor.role, Role::Ego | Role::Ghost));
+    let placed = others.filter_map(|actor| Some((away(actor)?, actor)));
+    placed.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, actor)| actor)
+}
+
+/// The part of the world in which ego and striker move until they meet: others far away would make both too small to see.
+fn meeting(drawing: &Drawing, steps: &[usize], contact: &Contact, whole: &View) -> View {
+    let first = steps.first().copied().unwrap_or(0);
+    let egos = drawing.actors.iter().filter(|actor| actor.role == Role::Ego);
+    let ways = egos.chain(striker(drawing, contact)).flat_map(|actor| {
+        let shown = actor.samples.iter().take(contact.step + 1).skip(first);
+        shown.flatten().map(|sample| Vec2::new(sample[0], sample[1]))
+    });
+    let (mut low, mut high) = (contact.point, contact.point);
+    for place in ways {
+        (low, high) =
+            (Vec2::new(low.x.min(place.x), low.y.min(place.y)), Vec2::new(high.x.max(place.x), high.y.max(place.y)));
+    }
+    let size = high - low;
+    let wide = size.x.max(size.y * whole.width_px / whole.height_px) + 2.0 * AROUND_WAYS_M;
+    whole.zoomed(low.lerp(high, 0.5), wide.max(WAYS_M).min(whole.width_m()))
+}
+
+/// What the panel at a place of the strip shows. Where there is a contact: the last ones it, with ego and adversaries, and those before them
+/// the ways of both who meet.
 fn view_of(drawing: &Drawing, options: &StripOptions, whole: &View, place: usize) -> View {
     let close = options.steps.len() > CLOSE_PANELS && place + CLOSE_PANELS >= options.steps.len();
-    let Some(contact) = drawing.contact.as_ref().filter(|_| close) else {
+    let Some(contact) = drawing.contact.as_ref() else {
         return whole.zoomed(whole.middle(), whole.width_m());
     };
+    if !close {
+        return meeting(drawing, &options.steps, contact, whole);
+    }
     let step = options.steps[options.steps.len() - CLOSE_PANELS];
     let shape = whole.width_px / whole.height_px;
     let reach =

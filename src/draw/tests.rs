@@ -147,6 +147,18 @@ fn a_strip_shows_each_moment_once_in_its_own_panel_and_the_contact_from_when_it_
         |panel: &str| panel.split(" m</text>").next().unwrap().rsplit('>').next().unwrap().parse::<f64>().unwrap();
     assert!(metres(panels[0]) > metres(panels[3]), "each panel has the bar of its own scale");
     assert_eq!(strip(&drawing, &of(vec![10, 15, 20, 30])), picture, "the same bytes");
+    // Somebody moved far away makes nobody smaller in the first panels.
+    let ego = drawing.actors.iter().find(|actor| actor.role == Role::Ego).unwrap().clone();
+    let far = ego.samples.iter().map(|of| of.map(|[x, y, heading, speed]| [x + 400.0, y, heading, speed]));
+    let other = Actor { label: "far".into(), role: Role::Adversary, samples: far.collect(), ..ego };
+    let mut with_other = drawing.clone();
+    with_other.actors.push(other);
+    let apart = StripOptions { frame: Frame::Around(12.0), ..of(vec![10, 15, 20, 30]) };
+    let bar = |picture: &str| -> f64 {
+        let said = picture.split(" m</text>").next().unwrap().rsplit('>').next().unwrap();
+        said.parse().unwrap()
+    };
+    assert!(bar(&strip(&with_other, &apart)) <= 20.0, "the scale of the first panel");
     // Without a contact nothing is shown closely.
     drawing.contact = None;
     let whole = strip(&drawing, &of(vec![10, 15, 20, 30]));

@@ -10,7 +10,8 @@ use super::data::Rollout;
 use super::recorded_run::RecordedRun;
 use crate::kernel::Digest;
 use crate::objects::{Attempt, LineageId, SceneScore, SolutionId};
-use crate::scene::{DT_S, Pool};
+use crate::scene::{AgentKind, DT_S, Pool};
+use crate::sim::AdversaryReport;
 
 /// What comes first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,10 +43,21 @@ pub struct Ranked {
     pub ttc_s_min: Option<f64>,
     /// Nearest an adversary came (anyone, where there is none), metres.
     pub distance_m_min: Option<f64>,
+    /// Those who acted.
+    pub adversaries: Vec<Acting>,
     /// Digest of the stored rollout.
     pub record: Digest,
     /// Other programs of the lineage in whose rollout of the scene the same happened, in the order of the record.
     pub also: Vec<SolutionId>,
+}
+
+/// An adversary that acted: whether it does what its kind does is read off its speed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Acting {
+    /// What it is.
+    pub kind: AgentKind,
+    /// Its largest speed, m/s.
+    pub speed_mps_max: f64,
 }
 
 /// A contact as it is ranked.
@@ -165,9 +177,14 @@ fn one(
         }),
         ttc_s_min: outcome.ttc_s_min,
         distance_m_min: outcome.distance_m_min,
+        adversaries: outcome.adversaries.iter().filter(|of| of.acted).map(acting).collect(),
         record: label.record,
         also: Vec::new(),
     }
+}
+
+fn acting(of: &AdversaryReport) -> Acting {
+    Acting { kind: of.kind, speed_mps_max: of.motion.speed_mps_max }
 }
 
 /// The more severe one first. What counts as attack is above everything else; between two of them the larger label, then the
@@ -200,6 +217,7 @@ mod tests {
             contact: speed.map(|speed_mps| Met { at_s: 1.0, speed_mps, adversary: true }),
             ttc_s_min: ttc,
             distance_m_min: Some(metres),
+            adversaries: Vec::new(),
             record: Digest::of_bytes(name.as_bytes()),
             also: Vec::new(),
         }

@@ -47,6 +47,7 @@ mod own_ego_asked;
 mod own_ego_page;
 mod own_metrics;
 mod parents;
+mod pictures;
 mod piloting;
 mod plan;
 mod pools;

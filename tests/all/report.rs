@@ -104,21 +104,25 @@ fn the_first_screen_says_what_a_reader_should_weigh() {
     let after = gained(&run);
     assert_eq!(after["weigh"], true);
     let says = after["contacts_say"].as_str().unwrap();
-    assert!(says.starts_with("The ego could have avoided only 0 % of its contacts (its parent's: "), "{says}");
+    assert!(says.starts_with("Only 0 % of its contacts are preventable (its parent's: "), "{says}");
     assert!(says.ends_with("; 100 % are rams from behind."), "{says}");
     assert_eq!(lost(&after["shares"]), lost(&before["shares"]) + 1);
     let page = page(&run, &Stage::default());
     assert!(
-        first_screen(&page)
-            .contains("</b> 100 % of the contacts that count could not have been avoided by the ego in 1 of 3 lines"),
+        first_screen(&page).contains("</b> 100 % of the contacts that count are not preventable in 1 of 3 lines"),
         "{}",
         first_screen(&page)
     );
-    // One of them avoidable: the share moves with it.
-    let held_out = run.held_out.iter_mut().find(|held_out| held_out.solution == chosen).unwrap();
-    let counting = held_out.score.scenes.iter_mut().filter(|label| label.attack > 0.0);
-    counting.filter_map(|label| label.contact.as_mut()).next().unwrap().avoidable = Some(true);
-    let of = gained(&run)["avoidable"].clone();
+    // One of them avoidable: as a ram from behind it is not preventable, else the share moves with it.
+    let mut made_avoidable = |class: &str| {
+        let held_out = run.held_out.iter_mut().find(|held_out| held_out.solution == chosen).unwrap();
+        let counting = held_out.score.scenes.iter_mut().filter(|label| label.attack > 0.0);
+        let met = counting.filter_map(|label| label.contact.as_mut()).next().unwrap();
+        (met.class, met.avoidable) = (class.into(), Some(true));
+        gained(&run)["preventable"].clone()
+    };
+    assert_eq!(made_avoidable("rear_end_ego_struck")[0], 0);
+    let of = made_avoidable("head_on");
     let share = format!("{:.0} % of the contacts that count", 100.0 * (1.0 - 1.0 / of[1].as_f64().unwrap()));
     assert_eq!(of[0], 1);
     assert!(first_screen(&self::page(&run, &Stage::default())).contains(&share), "{share}");

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use crate::cli::terminal::shell::quoted;
 use crate::cli::terminal::width::table_width;
 use crate::evidence::aligned::Aligned;
+use crate::evidence::tables::prevented;
 use crate::objects::replay::Replayed;
 use crate::objects::{SceneFailure, Score};
 use crate::text::counted;
@@ -52,17 +53,17 @@ fn unlabelled(failures: &[SceneFailure]) -> impl Iterator<Item = (&str, String)>
     })
 }
 
-/// What was met in each scene: the class of the contact, who it was, and whether a careful driver avoids it.
+/// What was met in each scene: the class of the contact, who it was, and whether it is preventable.
 fn met(score: &Score) -> BTreeMap<&str, String> {
     let of = score.scenes.iter().map(|label| {
         let text = label.contact.as_ref().map_or(NOBODY.to_string(), |met| {
             let who = if met.adversary { "" } else { ", a bystander" };
-            let avoidable = match met.avoidable {
-                Some(true) => ", avoidable",
-                Some(false) => ", not avoidable",
+            let preventable = match prevented(met) {
+                Some(true) => ", preventable",
+                Some(false) => ", not preventable",
                 None => "",
             };
-            format!("{}{who}{avoidable}", met.class)
+            format!("{}{who}{preventable}", met.class)
         });
         (label.scene.as_str(), text)
     });

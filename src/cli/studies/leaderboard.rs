@@ -312,8 +312,9 @@ type Texts<'a> = (&'a Vec<String>, &'a Vec<Vec<String>>);
 fn html((title, digest, note): (&str, &str, &str), first: Texts<'_>, second: Texts<'_>) -> String {
     let title = escaped(title);
     let mut text = format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{title}</title>\n{}</head>\n<body>\n<h1>{title}</h1>\n\
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n{}<title>{title}</title>\n{}</head>\n<body>\n<h1>{title}</h1>\n\
          <p>digest <code>{digest}</code></p>\n",
+        suite_page::BODY,
         suite_page::STYLE
     );
     let _ = write!(text, "{}{}", suite_page::table(first.0, first.1), suite_page::table(second.0, second.1));

@@ -180,28 +180,34 @@ fn provenance(wanted: &[&Piece], ran: &Ran, made: &Made) -> Result<String, Failu
             (name, object)
         })
         .collect();
-    let digest = |name: &str| made.get(name).map(|bytes| Digest::of_bytes(bytes).to_hex());
-    let piece = |piece: &&Piece| {
-        let own: BTreeMap<&str, String> = ["md", "csv", "tex", "svg", "pdf"]
-            .into_iter()
-            .filter_map(|ending| Some((ending, digest(&format!("{}.{ending}", piece.file))?)))
-            .collect();
-        let mut object = json!({
-            "file": piece.file,
-            "label": piece.label,
-            "runs": piece.runs,
-            "command": format!("evodrive paper --figure {} --out OUT", piece.file),
-            "digests": own,
-        });
-        if let Some(study) = &piece.study {
-            object["study"] = json!(study);
-        }
-        object
-    };
-    let whole: BTreeMap<&str, String> = WHOLE.into_iter().filter_map(|name| Some((name, digest(name)?))).collect();
-    let pieces: Vec<Value> = wanted.iter().map(piece).collect();
+    let whole: BTreeMap<&str, String> =
+        WHOLE.into_iter().filter_map(|name| Some((name, digest_of(made, name)?))).collect();
+    let pieces: Vec<Value> = wanted.iter().map(|piece| made_from(piece, made)).collect();
     let all = json!({"run": runs, "whole": whole, "piece": pieces});
     provenance_text(&all)
+}
+
+fn digest_of(made: &Made, name: &str) -> Option<String> {
+    made.get(name).map(|bytes| Digest::of_bytes(bytes).to_hex())
+}
+
+/// What one piece was made from, and the digests of its files.
+fn made_from(piece: &Piece, made: &Made) -> Value {
+    let own: BTreeMap<&str, String> = ["md", "csv", "tex", "svg", "pdf"]
+        .into_iter()
+        .filter_map(|ending| Some((ending, digest_of(made, &format!("{}.{ending}", piece.file))?)))
+        .collect();
+    let mut object = json!({
+        "file": piece.file,
+        "label": piece.label,
+        "runs": piece.runs,
+        "command": format!("evodrive paper --figure {} --out OUT", piece.file),
+        "digests": own,
+    });
+    if let Some(study) = &piece.study {
+        object["study"] = json!(study);
+    }
+    object
 }
 
 /// A piece by its label or file; of several with the label the last, which is not the short form's.
@@ -215,7 +221,7 @@ fn named<'p>(plan: &'p Plan, label: &str) -> Result<&'p Piece, Failure> {
 }
 
 /// Writes one piece as a golden: its files, its numbers, and their digests. The others stay, so its runs must be those that they were
-/// made from.
+/// made from. A piece that the plan has got since is added.
 fn blessed(plan: &Plan, label: &str, options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let folder = options.golden.join("paper");
     if let Some((name, file)) = plan.read_elsewhere().find(|(name, _)| *name == label) {
@@ -237,16 +243,15 @@ fn blessed(plan: &Plan, label: &str, options: &Options, jobs: usize) -> Result<A
         let own = numbers(&[(piece.file.clone(), table.clone())], None, &BTreeMap::new());
         put_numbers(&mut made, &mut known, &folder, &piece.file, &own)?;
     }
-    let pieces = known.get_mut("piece").and_then(toml::Value::as_array_mut);
-    let entry = pieces.and_then(|all| all.iter_mut().find(|of| of["file"].as_str() == Some(&piece.file)));
-    let Some(digests) = entry.and_then(|entry| entry.get_mut("digests")).and_then(toml::Value::as_table_mut) else {
-        return Err(damaged(format!("has no piece {}", piece.file)));
+    let Some(pieces) = known.get_mut("piece").and_then(toml::Value::as_array_mut) else {
+        return Err(damaged("has no pieces".into()));
     };
-    for (name, bytes) in &made {
-        if let Some(ending) = name.strip_prefix(&format!("{}.", piece.file)) {
-            digests.insert(ending.to_string(), digest_value(bytes));
-        }
-    }
+    let entry = toml::Value::try_from(made_from(piece, &made)).map_err(Failure::internal)?;
+    let file = |of: &toml::Value| of.get("file").and_then(toml::Value::as_str).map(String::from);
+    pieces.retain(|of| file(of).as_ref() != Some(&piece.file));
+    pieces.push(entry);
+    // In the order of the plan, as when all are made anew.
+    pieces.sort_by_key(|of| plan.pieces.iter().position(|piece| Some(&piece.file) == file(of).as_ref()));
     written(&piece.label, made, &known, &folder)
 }
 

@@ -51,7 +51,7 @@ pub struct Options {
     /// file.
     #[arg(long, default_value = "idm")]
     pub driver: String,
-    /// Take only scenes in which that driver has a contact that a careful one avoids.
+    /// Take only scenes in which that driver has a preventable contact: a careful one avoids it, and it is no ram from behind.
     #[arg(long)]
     pub preventable_only: bool,
     /// Scenes of each family, at most.
@@ -81,7 +81,7 @@ pub struct Limits {
     /// Largest share of driven scenes with a contact.
     #[arg(long)]
     pub max_crash_rate: Option<f64>,
-    /// Largest share of driven scenes with a contact that the driver caused or a careful one avoids.
+    /// Largest share of driven scenes with a preventable contact.
     #[arg(long)]
     pub max_preventable: Option<f64>,
     /// Least mean share of the route that is driven.

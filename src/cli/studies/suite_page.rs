@@ -15,7 +15,15 @@ const SHOWN_MAX: usize = 40;
 /// How tables of suites look.
 pub const STYLE: &str = "<style>.wide { overflow-x: auto } table.suite { border-collapse: collapse; font-size: 14px; margin: 0 0 1rem } \
                      table.suite th, table.suite td { text-align: left; padding: 3px 9px; border-bottom: 1px solid #8886; \
-                     overflow-wrap: normal } table.suite th { white-space: nowrap } .broken { color: #c0392b; font-weight: 600 }</style>\n";
+                     overflow-wrap: normal } table.suite th { white-space: nowrap } .broken { color: #c0392b; font-weight: 600 } \
+                     @media (max-width: 700px) { .wide.many::before { content: \"scroll sideways for the rest →\"; font-size: 13px } }</style>\n";
+
+/// Around a page of suites that has no player.
+pub const BODY: &str = "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+                    <style>body { margin: 0 auto; max-width: 1180px; padding: 16px 20px; overflow-wrap: anywhere; \
+                    font: 15px/1.5 system-ui, \"Segoe UI\", \"DejaVu Sans\", sans-serif } h1 { font-size: 22px; margin: 0 0 4px }</style>\n";
+/// From so many columns on a table is wider than a telephone.
+const MANY: usize = 5;
 
 /// The page of a result.
 pub fn page(
@@ -71,5 +79,6 @@ pub fn table(heads: &[String], rows: &[Vec<String>]) -> String {
         format!("<tr>{cells}</tr>\n")
     };
     let rows: String = rows.iter().map(|row| line(row, "td")).collect();
-    format!("<div class=\"wide\"><table class=\"suite\">\n{}{rows}</table></div>\n", line(heads, "th"))
+    let many = if heads.len() >= MANY { " many" } else { "" };
+    format!("<div class=\"wide{many}\"><table class=\"suite\">\n{}{rows}</table></div>\n", line(heads, "th"))
 }

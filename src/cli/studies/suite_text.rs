@@ -85,8 +85,8 @@ pub fn table(totals: &[Total], width: usize) -> String {
 }
 
 /// What the numbers are.
-pub const NOTE: &str = "rates are shares of driven scenes with 95 % Wilson intervals; preventable: the driver caused the contact, or a careful one \
-                        avoids it; arrived: of the scenes that could be played those driven to the route's end without a contact; completion: mean share of the route, 95 % bootstrap; class: of the contact that the suite's own driver had";
+pub const NOTE: &str = "rates are shares of driven scenes with 95 % Wilson intervals; preventable: braking or swerving in time avoids the \
+                        contact, and it is no ram from behind; arrived: of the scenes that could be played those driven to the route's end without a contact; completion: mean share of the route, 95 % bootstrap; class: of the contact that the suite's own driver had";
 
 /// The rules and the scenes that broke them, each with the command that plays it.
 pub fn rules(rules: &[Judged], result: &SuiteResult, command: &dyn Fn(&Played) -> String) -> String {

@@ -1,7 +1,7 @@
 //! fig:sac-adv-bmt: crash rate and route completion over the trainings, in adversarial scenes and in plain ones.
 
 use super::found::{ADVERSARIAL, Question, Read, examinations, mean};
-use crate::draw::{Axes, BLACK, BLUE, Figure, Ink, Mark, ORANGE, PURPLE, Rgb, SKY, Scale, VERMILION};
+use crate::draw::{Anchor, Axes, BLACK, BLUE, Figure, Ink, Mark, ORANGE, PURPLE, Rgb, SKY, Scale, VERMILION};
 use crate::evidence::figures::legend;
 use crate::evidence::tables::{Estimate, Form, RESAMPLES, estimates};
 use crate::kernel::num;
@@ -35,7 +35,8 @@ pub fn figure(record: &Downstream) -> Figure {
         .enumerate()
         .map(|(i, (arm, _))| (SIGNS[i % SIGNS.len()].0, Ink::fill(SIGNS[i % SIGNS.len()].1), arm.as_str()))
         .collect();
-    legend::row(&mut sheet, (52.0, 14.0), &signs);
+    sheet.text((52.0, 14.0), legend::LETTERS, Anchor::Start, "Trained on scenes:");
+    legend::row(&mut sheet, (124.0, 14.0), &signs);
     let (of, way) = match opening.families.is_empty() {
         true => (Read::Completion, "Route completion"),
         false => (Read::Score, "Overall score"),
@@ -43,9 +44,9 @@ pub fn figure(record: &Downstream) -> Figure {
     let asked = |sets: &'static [SetName], read: Read| Question { sets, read, family: None };
     let panels = [
         ([52.0, 40.0], "Adversarial scenes", "Crash rate", asked(&ADVERSARIAL, Read::Crash)),
-        ([284.0, 40.0], "Plain scenes", "", asked(&[SetName::Plain], Read::Crash)),
-        ([52.0, 196.0], "", way, asked(&ADVERSARIAL, of)),
-        ([284.0, 196.0], "", "", asked(&[SetName::Plain], of)),
+        ([284.0, 40.0], "Plain scenes", "Crash rate", asked(&[SetName::Plain], Read::Crash)),
+        ([52.0, 196.0], "Adversarial scenes", way, asked(&ADVERSARIAL, of)),
+        ([284.0, 196.0], "Plain scenes", way, asked(&[SetName::Plain], of)),
     ];
     for (place, title, up, what) in panels {
         panel(&mut sheet, place, (title, up), record, what);

@@ -18,9 +18,11 @@ const WIDE: f64 = 494.0;
 const LEFT: f64 = 118.0;
 const WHOLE: f64 = 250.0;
 /// Height of a bar, of the line of what is preventable below it, and from one program to the next.
-const BAR: f64 = 11.0;
+const BAR: f64 = 10.0;
 const LINE: f64 = 3.0;
-const PROGRAM: f64 = 20.0;
+const PROGRAM: f64 = 16.0;
+/// Between two searches.
+const APART: f64 = 6.0;
 /// Most searches of a sheet.
 const SEARCHES_MAX: usize = 12;
 
@@ -70,7 +72,7 @@ fn drawn(all: &[SearchedContacts], source: &str) -> Figure {
         (8.0, 23.0),
         &[(Mark::Square, Ink::fill(BLACK), "of these, what a careful ego could have prevented")],
     );
-    let (top, high) = (34.0, all.len() as f64 * (2.0 * PROGRAM + 8.0));
+    let (top, high) = (34.0, all.len() as f64 * (2.0 * PROGRAM + APART));
     let across = |share: f64| LEFT + WHOLE * share;
     for tick in [0.0, 0.25, 0.5, 0.75, 1.0] {
         sheet.line((across(tick), top), (across(tick), top + high), Ink::line(LIGHT, 0.6));
@@ -80,7 +82,7 @@ fn drawn(all: &[SearchedContacts], source: &str) -> Figure {
     sheet.text((across(0.5), top + high + 21.0), legend::LETTERS, Anchor::Middle, "of held-out scenes");
     let several = all.iter().any(|of| of.policy != all[0].policy);
     for (place, of) in all.iter().enumerate() {
-        let y = top + place as f64 * (2.0 * PROGRAM + 8.0) + 4.0;
+        let y = top + place as f64 * (2.0 * PROGRAM + APART) + 4.0;
         sheet.heading((8.0, y + BAR - 2.0), 8.5, of.method.as_str());
         if several {
             sheet.text(
@@ -107,7 +109,8 @@ fn drawn(all: &[SearchedContacts], source: &str) -> Figure {
     }
     sheet.line((LEFT, top), (LEFT, top + high), Ink::line(GREY, 0.8));
     sheet.height = top + high + 26.0;
-    legend::foot(&mut sheet, source);
+    let rule = "Contacts with a road user that the program moves, which the ego does not have without it, by who does what to whom.";
+    legend::foot(&mut sheet, &format!("{rule} {source}"));
     sheet
 }
 

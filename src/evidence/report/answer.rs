@@ -127,9 +127,9 @@ fn sign(verdict: Verdict) -> (&'static str, &'static str, &'static str) {
     }
 }
 
-/// That gains are not of the ego's driving, where most contacts could not have been avoided; empty where none is so.
+/// That gains are not of the ego's driving, where most contacts are not preventable; empty where none is so.
 fn caution(headlines: &[Headline]) -> String {
-    let share = |of: &Headline| 100.0 * (1.0 - of.avoidable[0] as f64 / of.avoidable[1].max(1) as f64);
+    let share = |of: &Headline| 100.0 * (1.0 - of.preventable[0] as f64 / of.preventable[1].max(1) as f64);
     let shares: Vec<f64> = headlines.iter().filter(|of| of.weigh).map(share).collect();
     let (least, most) = (shares.iter().copied().fold(100.0, f64::min), shares.iter().copied().fold(0.0, f64::max));
     let percent = match num::fixed(least, 0) == num::fixed(most, 0) {
@@ -143,8 +143,8 @@ fn caution(headlines: &[Headline]) -> String {
         (weigh, all) => format!(" in {weigh} of {all} lines"),
     };
     format!(
-        "<p class=\"weigh\"><b>Weigh:</b> {percent} of the contacts that count could not have been avoided by the ego{lines}: such attacks say \
-         little about how it drives.</p>\n"
+        "<p class=\"weigh\"><b>Weigh:</b> {percent} of the contacts that count are not preventable{lines}: neither braking nor swerving \
+         avoids them, or the ego is rammed from behind. Such attacks say little about how it drives.</p>\n"
     )
 }
 

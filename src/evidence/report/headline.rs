@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use super::super::recorded_run::{Became, RecordedRun};
-use super::super::tables::{Compared, Estimate, called, compared, held_out_change, is_ram, pooled};
+use super::super::tables::{Compared, Estimate, called, compared, held_out_change, is_ram, pooled, prevented};
 use super::mechanism;
 use crate::kernel::num;
 use crate::objects::{LineageId, Met, SolutionId, event::LineageResult, realism_name};
@@ -32,15 +32,15 @@ pub struct Headline {
     pub shares: String,
     /// What its contacts say of the ego's driving; empty where nothing was assessed.
     pub contacts_say: String,
-    /// Whether most of them say nothing of it, because no ego could have avoided them.
+    /// Whether most of them say nothing of it, because they are not preventable.
     pub weigh: bool,
     /// Chosen minus parent on the held-out scenes.
     pub attack: Option<Estimate>,
     pub realism: Option<Estimate>,
     /// Of the contacts that count, the share of each class, the largest first; of the shown program.
     pub contacts: Vec<(String, usize)>,
-    /// How many of them the ego could have avoided, and of how many that was assessed.
-    pub avoidable: [usize; 2],
+    /// How many of them are preventable, and of how many that was assessed.
+    pub preventable: [usize; 2],
 }
 
 /// What the held-out scenes say.
@@ -153,7 +153,7 @@ fn headline(run: &RecordedRun, group: &LineageId, of: &[&LineageResult]) -> Opti
         contacts_say,
         weigh,
         contacts: contacts(run, &best.evolved.solution),
-        avoidable: avoidable(run, &best.evolved.solution),
+        preventable: preventable(run, &best.evolved.solution),
     })
 }
 
@@ -266,17 +266,16 @@ fn moved(run: &RecordedRun, of: &LineageResult) -> [usize; 2] {
     [count(Became::Gained), count(Became::Lost)]
 }
 
-/// What share of the contacts that count the ego could have avoided, beside its parent's, and how many are rams from behind.
+/// What share of the contacts that count is preventable, beside its parent's, and how many are rams from behind.
 fn contacts_say(run: &RecordedRun, of: &LineageResult, verdict: Verdict) -> (String, bool) {
     let percent = |[part, all]: [usize; 2]| num::fixed(100.0 * part as f64 / all as f64, 0);
-    let is = avoidable(run, &of.evolved.solution);
+    let is = preventable(run, &of.evolved.solution);
     if verdict == Verdict::Parent || run.opened.attack.is_some() || is[1] == 0 {
         return (String::new(), false);
     }
     let weigh = 2 * is[0] < is[1];
-    let mut says =
-        format!("The ego could have avoided {}{} % of its contacts", if weigh { "only " } else { "" }, percent(is));
-    let was = avoidable(run, &of.parent.solution);
+    let mut says = format!("{}{} % of its contacts are preventable", if weigh { "Only " } else { "" }, percent(is));
+    let was = preventable(run, &of.parent.solution);
     if was[1] > 0 {
         says += &format!(" (its parent's: {} %)", percent(was));
     }
@@ -294,9 +293,9 @@ fn counting<'r>(run: &'r RecordedRun, solution: &SolutionId) -> impl Iterator<It
     labels.filter(|label| label.attack > 0.0).filter_map(|label| label.contact.as_ref())
 }
 
-fn avoidable(run: &RecordedRun, solution: &SolutionId) -> [usize; 2] {
-    let assessed: Vec<bool> = counting(run, solution).filter_map(|met| met.avoidable).collect();
-    [assessed.iter().filter(|avoidable| **avoidable).count(), assessed.len()]
+fn preventable(run: &RecordedRun, solution: &SolutionId) -> [usize; 2] {
+    let assessed: Vec<bool> = counting(run, solution).filter_map(prevented).collect();
+    [assessed.iter().filter(|prevented| **prevented).count(), assessed.len()]
 }
 
 /// Classes of the contacts with an adversary that count as attacks.

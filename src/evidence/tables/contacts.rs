@@ -19,7 +19,7 @@ const fn column(key: &'static str, group: &'static str, head: &'static str, form
 }
 
 const ATTACK: Column = column("attack", "Ours", "Attack", Form::Rate);
-const AVOIDABLE: Column = column("avoidable_contact", "Ours", "Avoidable", Form::Rate);
+const AVOIDABLE: Column = column("avoidable_contact", "Ours", "Preventable, rams too", Form::Rate);
 const ADVERSARY: Column = column("adversary_contact", "Published", "Adversary", Form::Rate);
 const ANY: Column = column("any_contact", "Published", "Anyone", Form::Rate);
 const ANYWAY: Column = column("met_anyway", "Ours", "Anyway", Form::Rate);

@@ -73,7 +73,9 @@ pub(in crate::evidence) use paper::safebench::AVERAGE;
 pub use placed::{Placed, Point as PlacedPoint, SearchKind, placed, searched};
 pub use plain::plain;
 pub use proposals::proposals;
-pub use readings::{Contacts, LineagePreventable, SearchedContacts, is_ram, metadrive_readings, searched_contacts};
+pub use readings::{
+    Contacts, LineagePreventable, SearchedContacts, is_ram, metadrive_readings, prevented, searched_contacts,
+};
 pub(in crate::evidence) use safebench::round_columns as family_columns;
 pub use safebench::{safebench_main, safebench_rounds};
 pub use unseen::{held_out_change, safebench_held_out};

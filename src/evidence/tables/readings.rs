@@ -41,6 +41,11 @@ pub fn is_ram(met: &Met) -> bool {
     met.class == ContactClass::RearEndEgoStruck.name()
 }
 
+/// Whether a careful ego would have prevented it; `None` where nobody assessed it.
+pub fn prevented(met: &Met) -> Option<bool> {
+    met.avoidable.map(|_| could_be_prevented(met))
+}
+
 fn could_be_prevented(met: &Met) -> bool {
     let class = ContactClass::ALL.into_iter().find(|class| class.name() == met.class);
     class.is_some_and(|class| class.could_be_prevented(met.avoidable))

@@ -1,7 +1,7 @@
 // --- the first screen: what evolved, by how much, by what, and why it can be believed
 const lead = (text, most) => { if (text.length <= most) return text; const cut = text.slice(0, most), stop = Math.max(cut.lastIndexOf(". "), cut.lastIndexOf("; ")); return stop > most / 2 ? cut.slice(0, stop + 1) : `${cut.slice(0, cut.lastIndexOf(" "))} …`; };
 const CLASS_WORDS = { ego_strikes: "the ego runs into the other", ego_sideswipes: "the ego sideswipes the other", stationary_hit: "the ego runs into something that stands", cut_in: "the other cuts in", crossing: "crossing", head_on: "head on", sideswipe: "the other sideswipes the ego", rear_end_ego_struck: "the ego is rammed from behind" };
-const contactsInWords = ({ contacts, avoidable: [avoidable, assessed] }) => { const all = contacts.reduce((sum, [, n]) => sum + n, 0); return contacts.slice(0, 2).map(([name, n]) => `${CLASS_WORDS[name] || plain(name)} ${fixed(100 * n / all, 0)} %`).join(", ") + (assessed ? `; the ego could have avoided ${fixed(100 * avoidable / assessed, 0)} % of ${assessed}` : ""); };
+const contactsInWords = ({ contacts, preventable: [preventable, assessed] }) => { const all = contacts.reduce((sum, [, n]) => sum + n, 0); return contacts.slice(0, 2).map(([name, n]) => `${CLASS_WORDS[name] || plain(name)} ${fixed(100 * n / all, 0)} %`).join(", ") + (assessed ? `; of ${assessed} assessed ones ${fixed(100 * preventable / assessed, 0)} % are preventable` : ""); };
 
 function drawAnswer() {
   const best = bestLineage(), headline = best && headlineOf(best), page = byId("answer-more"), result = best && best.result;

@@ -8,7 +8,7 @@ function axes(width, height, xRange, yRange, xLabel, yLabel) {
   const m = { left: 58, right: 16, top: 14, bottom: 42 };
   const x = (v) => m.left + (v - xRange[0]) / (xRange[1] - xRange[0]) * (width - m.left - m.right);
   const y = (v) => height - m.bottom - (v - yRange[0]) / (yRange[1] - yRange[0]) * (height - m.top - m.bottom);
-  const root = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `${yLabel} over ${xLabel}` });
+  const root = svg("svg", { viewBox: `0 0 ${width} ${height}`, style: `max-width:${width}px`, role: "img", "aria-label": `${yLabel} over ${xLabel}` });
   const step = (range, n) => niceStep((range[1] - range[0]) / n);
   const ticks = (range, n) => { const s = step(range, n), out = []; for (let k = Math.ceil(range[0] / s - 1e-9); k * s <= range[1] + s * 1e-9; k++) out.push(k * s); return out; };
   const decimals = (range, n) => Math.max(0, Math.min(4, -Math.floor(Math.log10(step(range, n)) + 1e-9)));

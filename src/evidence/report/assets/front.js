@@ -29,20 +29,21 @@ function plane(place, lineage, suite, { most = 760, height = 420 } = {}) {
   if (!points.length) return place.replaceChildren(note("Nothing of this lineage was measured there.", data.sealed ? "" : " Held-out scenes are opened after the last epoch."));
   const width = room(place, most), key = points.filter((p) => p.parent || p.chosen), rule = data.safebench ? null : data.realism_min;
   const bars = points.flatMap((p) => p.spread && (p.parent || p.chosen) ? p.spread[1] : []), risers = points.flatMap((p) => p.spread && (p.parent || p.chosen) ? p.spread[0] : []);
-  const xs = [...points, ...others].map((p) => p.objectives.realism), ys = [...points, ...others].map((p) => p.objectives.attack);
-  const near = rule !== null && rule !== undefined && Math.abs(rule - Math.max(...xs)) < 0.15 ? [rule] : [];
-  const chart = axes(width, height, robust(xs, [...[...key, ...others].map((p) => p.objectives.realism), ...bars, ...near], 0.004, 0, 1), padded([...ys, ...risers], 0.02, 0, 1), `${STRICT()} →`, data.safebench ? "attack: CR (1 − OS) →" : "attack →");
-  const { root, x, y, box } = chart, taken = [];
-  const inside = (p) => p.objectives.realism >= chart.xRange[0] - 1e-9, px = (p) => x(Math.max(chart.xRange[0], p.objectives.realism)), py = (p) => y(p.objectives.attack);
+  // Attack to the right and realism upwards, as in every figure of the paper.
+  const attacks = [...points, ...others].map((p) => p.objectives.attack), realisms = [...points, ...others].map((p) => p.objectives.realism);
+  const near = rule !== null && rule !== undefined && Math.abs(rule - Math.max(...realisms)) < 0.15 ? [rule] : [];
+  const chart = axes(width, height, padded([...attacks, ...risers], 0.02, 0, 1), robust(realisms, [...[...key, ...others].map((p) => p.objectives.realism), ...bars, ...near], 0.004, 0, 1), data.safebench ? "attack: CR (1 − OS) →" : "attack →", `${STRICT()} →`);
+  const { root, x, y, box } = chart, taken = [], lowest = chart.yRange[0];
+  const inside = (p) => p.objectives.realism >= lowest - 1e-9, px = (p) => x(p.objectives.attack), py = (p) => y(Math.max(lowest, p.objectives.realism));
   if (near.length) {
-    root.append(svg("rect", { class: "refused", x: box[0], y: box[1], width: Math.max(0, x(rule) - box[0]), height: box[3] - box[1] }), svg("line", { class: "rule", x1: x(rule), x2: x(rule), y1: box[1], y2: box[3] }));
-    const text = `rule: ${STRICT()} ≥ ${rule}`, w = 6.3 * text.length, left = x(rule) + w + 8 > box[2];
-    root.append(svg("text", { class: "dim", x: left ? x(rule) - 5 : x(rule) + 5, y: box[3] - 7, "text-anchor": left ? "end" : "start" }, text));
-    taken.push([left ? x(rule) - w - 6 : x(rule), box[3] - 20, left ? x(rule) : x(rule) + w + 6, box[3]]);
+    root.append(svg("rect", { class: "refused", x: box[0], y: y(rule), width: box[2] - box[0], height: Math.max(0, box[3] - y(rule)) }), svg("line", { class: "rule", x1: box[0], x2: box[2], y1: y(rule), y2: y(rule) }));
+    const text = `rule: ${STRICT()} ≥ ${rule}`, w = 6.3 * text.length, base = y(rule) + 20 > box[3] ? y(rule) - 6 : y(rule) + 15;
+    root.append(svg("text", { class: "dim", x: box[2] - 5, y: base, "text-anchor": "end" }, text));
+    taken.push([box[2] - w - 8, base - 13, box[2], base + 4]);
   }
   root.append(svg("text", { class: "better", x: box[2] - 6, y: box[1] + 14, "text-anchor": "end" }, "better ↗"));
   taken.push([box[2] - 62, box[1], box[2], box[1] + 18]);
-  const front = points.filter((p) => inside(p) && !dominated(p, points)).sort((a, b) => a.objectives.realism - b.objectives.realism);
+  const front = points.filter((p) => inside(p) && !dominated(p, points)).sort((a, b) => a.objectives.attack - b.objectives.attack);
   if (front.length > 1) root.append(svg("path", { class: "front", d: front.map((p, i) => `${i ? "L" : "M"}${px(p)},${py(p)}` + (i + 1 < front.length ? `L${px(p)},${py(front[i + 1])}` : "")).join("") }));
   const ordered = [...points].sort((a, b) => (a.parent || a.chosen ? 1 : 0) - (b.parent || b.chosen ? 1 : 0));
   let off = 0;
@@ -50,10 +51,10 @@ function plane(place, lineage, suite, { most = 760, height = 420 } = {}) {
     const at = [px(p), py(p)];
     if (p.spread && (p.parent || p.chosen)) {
       const [[a0, a1], [r0, r1]] = p.spread;
-      root.append(svg("path", { class: "spread", d: `M${x(Math.max(chart.xRange[0], r0))},${at[1]}L${x(r1)},${at[1]}M${at[0]},${y(a0)}L${at[0]},${y(a1)}` }));
+      root.append(svg("path", { class: "spread", d: `M${x(a0)},${at[1]}L${x(a1)},${at[1]}M${at[0]},${y(Math.max(lowest, r0))}L${at[0]},${y(r1)}` }));
     }
     const pick = p.id ? { class: "pick", tabindex: 0, onclick: () => go({ tab: "attempts", attempt: p.id }), onkeydown: (e) => { if (e.key === "Enter") go({ tab: "attempts", attempt: p.id }); } } : { class: "still" };
-    const mark = !inside(p) ? svg("path", { d: `M${at[0] + 1},${at[1]}l9,-5v10Z`, fill: "var(--dim)", ...pick }) : p.chosen ? sign("star", ...at, 7, "var(--chosen)", pick) : p.parent ? sign("square", ...at, 6, "var(--ink)", pick) : p.a ? signOf(p.a, ...at, 5, pick) : sign("circle", ...at, 5, "var(--ink)", pick);
+    const mark = !inside(p) ? svg("path", { d: `M${at[0]},${at[1] - 1}l-5,-9h10Z`, fill: "var(--dim)", ...pick }) : p.chosen ? sign("star", ...at, 7, "var(--chosen)", pick) : p.parent ? sign("square", ...at, 6, "var(--ink)", pick) : p.a ? signOf(p.a, ...at, 5, pick) : sign("circle", ...at, 5, "var(--ink)", pick);
     if (!inside(p)) off += 1;
     mark.append(svg("title", {}, `${p.solution}${p.words ? ` (${p.words})` : ""}: attack ${fixed(p.objectives.attack, 3)}, ${STRICT()} ${fixed(p.objectives.realism, 4)}, measured on ${p.on}`));
     root.append(mark);
@@ -61,7 +62,7 @@ function plane(place, lineage, suite, { most = 760, height = 420 } = {}) {
   }
   for (const p of others) {
     const at = [px(p), py(p)];
-    if (p.spread) root.append(svg("path", { class: "spread", d: `M${x(Math.max(chart.xRange[0], p.spread[1][0]))},${at[1]}L${x(p.spread[1][1])},${at[1]}M${at[0]},${y(p.spread[0][0])}L${at[0]},${y(p.spread[0][1])}` }));
+    if (p.spread) root.append(svg("path", { class: "spread", d: `M${x(p.spread[0][0])},${at[1]}L${x(p.spread[0][1])},${at[1]}M${at[0]},${y(Math.max(lowest, p.spread[1][0]))}L${at[0]},${y(p.spread[1][1])}` }));
     const mark = sign(p.kind, ...at, 6, "var(--rejected)", { class: "other" });
     mark.append(svg("title", {}, `${p.text}: ${p.solution} of ${p.run}: attack ${fixed(p.objectives.attack, 3)}, ${STRICT()} ${fixed(p.objectives.realism, 4)}, measured on ${p.on}`));
     root.append(mark);
@@ -76,7 +77,7 @@ function plane(place, lineage, suite, { most = 760, height = 420 } = {}) {
       held_out: `Each program once, on the ${(points[0] || {}).on}, which were opened after the choice${near.length ? ", so that a chosen program may fall short of the rule here" : ""}.${bars.length ? " Bars: 95 % over scenes drawn anew; parent and chosen share their scenes, so the difference is surer than the bars look." : ""}${others.length ? " Named by their search: what other runs report." : ""}`,
       pool: "The programs among which the run chose, each measured on every scene of the evolution pool.",
       search: "Every evaluated program once: members of the front on the scenes of all windows, the others on the window of their epoch, so places of different windows are not strictly comparable.",
-    }[suite], off ? ` ${counted(off, "program")} of lower ${STRICT()} at the left edge (◂).` : "", played ? ` Without a program the ego crashes in ${fixed(100 * played.contact_rate, 1)} % of these scenes.` : ""));
+    }[suite], off ? ` ${counted(off, "program")} of lower ${STRICT()} at the lower edge (▾).` : "", played ? ` Without a program the ego crashes in ${fixed(100 * played.contact_rate, 1)} % of these scenes.` : ""));
 }
 
 function growthChart(place, lineage) {

@@ -157,8 +157,8 @@ mod tests {
     fn a_panel_ends_at_the_contact_and_shows_where_both_were_before() {
         let options = GridOptions { columns: 2, panel_pt: 120.0, around_m: 8.0, title: String::new() };
         let sheet = grid(&[cell(Some(12)), cell(None), cell(Some(1))], &options);
-        // Three boxes now; outlines of two at 0.7 s and 0.2 s, at six places, at none.
-        assert_eq!(boxes(&sheet), [7, 15, 3]);
+        // Three boxes with their windscreens now; outlines of two at 0.7 s and 0.2 s, at six places, at none.
+        assert_eq!(boxes(&sheet), [10, 18, 6]);
         assert_eq!(grid(&[cell(Some(12))], &options).width, 120.0, "no empty columns");
         assert!(super::super::pdf(&sheet).is_ok());
     }

@@ -108,7 +108,7 @@ fn drawn(all: &[SearchedContacts], source: &str) -> Figure {
         }
     }
     sheet.line((LEFT, top), (LEFT, top + high), Ink::line(GREY, 0.8));
-    sheet.height = top + high + 26.0;
+    sheet.height = top + high + 30.0;
     let rule = "Contacts with a road user that the program moves, which the ego does not have without it, by who does what to whom.";
     legend::foot(&mut sheet, &format!("{rule} {source}"));
     sheet

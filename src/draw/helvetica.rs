@@ -62,22 +62,22 @@ pub fn wrapped(text: &str, size: f64, room: f64, lines_max: usize) -> Vec<String
 
 /// The text as lines like [`wrapped`], ended where a sentence ends: as many whole sentences as `lines_max` lines hold, and the first one in any
 /// case, on as many lines as it takes.
-pub fn told(text: &str, size: f64, room: f64, lines_max: usize) -> Vec<String> {
+pub fn whole_sentences(text: &str, size: f64, room: f64, lines_max: usize) -> Vec<String> {
     let words: Vec<&str> = text.split_whitespace().collect();
     let upper = |word: &&str| word.chars().next().is_some_and(|c| !c.is_lowercase());
     // A full stop ends a sentence unless the text goes on in small letters, as behind an abbreviation.
     let ends = (1..=words.len()).filter(|end| {
         *end == words.len() || words[end - 1].ends_with(['.', '!', '?']) && words.get(*end).is_some_and(upper)
     });
-    let mut told = Vec::new();
+    let mut kept = Vec::new();
     for end in ends {
         let lines = wrapped(&words[..end].join(" "), size, room, usize::MAX);
-        if !told.is_empty() && lines.len() > lines_max {
+        if !kept.is_empty() && lines.len() > lines_max {
             break;
         }
-        told = lines;
+        kept = lines;
     }
-    told
+    kept
 }
 
 #[cfg(test)]
@@ -87,12 +87,12 @@ mod tests {
     #[test]
     fn a_told_text_ends_where_a_sentence_ends() {
         let text = "One gains 3.5 m/s, i.e. more than before. Two is a longer sentence that needs room. Three.";
-        let lines = |most| told(text, 8.0, 120.0, most).join(" ");
+        let lines = |most| whole_sentences(text, 8.0, 120.0, most).join(" ");
         assert_eq!(lines(9), text);
         assert_eq!(lines(2), "One gains 3.5 m/s, i.e. more than before.");
         assert_eq!(lines(1), lines(2), "the first sentence is told in any case");
-        assert_eq!(told("no end at all", 8.0, 20.0, 1).join(" "), "no end at all");
-        assert!(told("", 8.0, 20.0, 2).is_empty());
+        assert_eq!(whole_sentences("no end at all", 8.0, 20.0, 1).join(" "), "no end at all");
+        assert!(whole_sentences("", 8.0, 20.0, 2).is_empty());
     }
 
     #[test]

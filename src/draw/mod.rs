@@ -23,7 +23,7 @@ pub use figure::{
 pub use figure_pdf::{PdfError, in_font, pdf};
 pub use film::{Film, FilmError, FilmOptions, film, gif};
 pub use grid::{Cell, GridOptions, grid};
-pub use helvetica::{told, width, wrapped};
+pub use helvetica::{whole_sentences, width, wrapped};
 pub use panel::{Panel, colour, panel, roles_in};
 pub use player::{PLAYER_CSS, PLAYER_JS, beside_html, escaped, player_html, players_below, players_html, script_json};
 pub use strip::{StripOptions, even_steps, strip, strip_figure, strips};

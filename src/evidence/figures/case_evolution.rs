@@ -5,7 +5,7 @@ use super::error::FigureError;
 use super::legend::{self, LETTERS, source};
 use crate::draw::{
     Anchor, Axes, BLACK, BLUE, Figure, GREEN, GREY, Ink, LIGHT, Mark, ORANGE, PURPLE, Rgb, Scale, VERMILION, WHITE,
-    Words, in_font, told, width, wrapped,
+    Words, in_font, whole_sentences, width, wrapped,
 };
 use crate::evidence::credit::{Credit, Gain};
 use crate::evidence::recorded_run::RecordedRun;
@@ -319,7 +319,7 @@ fn patches(sheet: &mut Figure, run: &RecordedRun, chain: &[&Program]) {
         // A stand-in expects nothing, and a draw neither: their words repeat the patch.
         let by_rule = matches!(run.proposer().as_str(), "scripted" | "random");
         let expected = format!("Its proposer expected: {}", in_font(patch.hypothesis.trim()));
-        let lines = if by_rule { Vec::new() } else { told(&expected, 7.0, room, LINES_MAX) };
+        let lines = if by_rule { Vec::new() } else { whole_sentences(&expected, 7.0, room, LINES_MAX) };
         for line in lines {
             let (size, anchor, bold, upwards) = (7.0, Anchor::Start, false, false);
             sheet.words(Words { at: (28.0, y), size, anchor, bold, colour: GREY, upwards, text: line });

@@ -18,7 +18,7 @@ const TABLE: &[(&str, &str)] = &[
     ("draw", "kernel scene"),
     ("sim", "kernel scene"),
     ("formats", "kernel scene sim"),
-    ("ego", "kernel sim"),
+    ("ego", "kernel scene sim"),
     ("learn", "kernel sim ego"),
     ("backend", "kernel store scene sim ego"),
     ("objects", "kernel text scene"),

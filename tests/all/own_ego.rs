@@ -139,8 +139,8 @@ fn egos_and_apply_take_the_planner_itself_and_a_table_that_names_it_for_the_same
     assert_eq!(egos.code, 0, "{}", egos.stderr);
     let object: serde_json::Value = serde_json::from_str(&egos.stdout).unwrap();
     let figures = |at: usize| object["egos"][at]["figures"].clone();
-    assert_eq!(figures(2), figures(3), "{object}");
-    assert_ne!(figures(2), figures(0), "it drives otherwise than replay: {object}");
+    assert_eq!(figures(3), figures(4), "{object}");
+    assert_ne!(figures(3), figures(0), "it drives otherwise than replay: {object}");
     here(&["record", path.to_str().unwrap(), "--no-report"]).root();
     let run = crate::harness::folder_below(&home.join("runs")).display().to_string();
     assert_eq!(here(&["program", "export", &run, "cat-idm/parent", "--out", "program.json"]).code, 0);
@@ -167,8 +167,8 @@ fn examples_drive_the_held_out_scenes_and_a_planner_that_crashes_says_where() {
     assert_eq!(ran.code, 0, "{}", ran.stderr);
     let object: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
     let egos = object["egos"].as_array().unwrap();
-    assert_eq!(egos.len(), 4, "replay, idm, the experiment's and the named one: {object}");
-    for ego in &egos[2..] {
+    assert_eq!(egos.len(), 5, "replay, idm, pdm, the experiment's and the named one: {object}");
+    for ego in &egos[3..] {
         let driven = ego["figures"]["route_completion"].as_f64().unwrap();
         assert!(driven > 0.3 && ego["figures"]["off_road_rate"] == 0.0, "{ego}");
     }

@@ -13,6 +13,16 @@ const ALLOWED: &[(&str, &str)] = &[
     ("agents/prompt agents/task", "a task, and the prompt that asks it"),
     ("cli/records/bundle cli/records/bundle_replay", "a bundle, and the run that is carried out from it"),
     ("compiler/prepared compiler/walk", "a prepared program, and its way through a scene"),
+    ("ego/pdm/simulated ego/pdm/tracker", "a car's states, and the regulator that commands the next one"),
+    (
+        "experiment/program_file/safebench experiment/program_file/safebench/human \
+         experiment/program_file/safebench/ranges experiment/program_file/safebench/sequences",
+        "what all of SafeBench's files share, and each form of them",
+    ),
+    (
+        "formats/openscenario formats/openscenario/entities formats/openscenario/story formats/openscenario/triggered",
+        "a file, and its parts",
+    ),
     (
         "formats/scenarionet/pickle formats/scenarionet/pickle/json formats/scenarionet/pickle/machine \
          formats/scenarionet/pickle/numpy formats/scenarionet/pickle/torch formats/scenarionet/pickle/write",

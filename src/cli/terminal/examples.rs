@@ -29,6 +29,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("lineage", "evodrive lineage cat-idm"),
     ("show", "evodrive show cat-idm/e1s0"),
     ("program new", "evodrive program new --family cat --out my_program.toml"),
+    ("program import", "evodrive program import scenario_type/human.json --out human.toml"),
     ("program edit", "evodrive program edit my_program.toml"),
     ("program set", "evodrive program set my_program.toml /parameters/duration_s 3.5"),
     ("program check", "evodrive program check my_program.toml --scenes my.pool"),

@@ -32,12 +32,12 @@ fn polynomial(values: &[f64], order: usize) -> [f64; COEFFICIENTS] {
             }
         }
     }
-    let mut found = [0.0; COEFFICIENTS];
+    let mut coefficients = [0.0; COEFFICIENTS];
     for i in (0..size).rev() {
-        let known = num::sum((i + 1..size).map(|j| matrix[i][j] * found[j]));
-        found[i] = (matrix[i][COEFFICIENTS] - known) / matrix[i][i];
+        let known = num::sum((i + 1..size).map(|j| matrix[i][j] * coefficients[j]));
+        coefficients[i] = (matrix[i][COEFFICIENTS] - known) / matrix[i][i];
     }
-    found
+    coefficients
 }
 
 /// The derivative of a smoothed list, a value each; near the ends the first and the last window's polynomial goes on. `window` and `order`

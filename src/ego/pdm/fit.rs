@@ -55,8 +55,8 @@ impl Banded {
             }
         }
         let mut x = self.right;
-        for k in 0..STEPS {
-            x[k] /= self.rows[k][0];
+        for (value, row) in x.iter_mut().zip(&self.rows) {
+            *value /= row[0];
         }
         for k in (0..STEPS).rev() {
             for ahead in 1..=2.min(STEPS - 1 - k) {

@@ -95,8 +95,8 @@ pub(super) fn main_columns() -> Vec<Column> {
 /// Of these without the cost of searches, where no run tells it.
 pub(super) fn told_columns(all: &[LineageArchive]) -> Vec<Column> {
     let tells = |round: &Round| round.runs.values().flatten().any(|run| run.search_rollouts.is_some());
-    let told = all.iter().any(|archive| archive.rounds.iter().any(tells));
-    main_columns().into_iter().filter(|column| told || !SEARCHED.contains(&column.key)).collect()
+    let is_told = all.iter().any(|archive| archive.rounds.iter().any(tells));
+    main_columns().into_iter().filter(|column| is_told || !SEARCHED.contains(&column.key)).collect()
 }
 
 /// Keys of what programs simulated against the ego, in the mean over the runs that are kept, before each run's scenario was chosen.

@@ -7,7 +7,7 @@ mod sequences;
 
 pub use human::entries as human_entries;
 pub use ranges::written as optimised_ranges;
-pub use sequences::{of_script as sequence_of, trigger_is_the_ports};
+pub use sequences::{sequence_of, trigger_is_the_ports};
 
 use std::collections::BTreeMap;
 

@@ -23,7 +23,7 @@ pub fn made(file: &str, method: &str, taken: BTreeMap<TrafficFamily, Vec<f64>>) 
 ///
 /// # Errors
 /// Why it has no such form.
-pub fn of_script(family: &str, traffic: TrafficFamily, script: &Script) -> Result<Vec<f64>, String> {
+pub fn sequence_of(family: &str, traffic: TrafficFamily, script: &Script) -> Result<Vec<f64>, String> {
     match family {
         advsim::NAME => advsim::sequence(traffic, script),
         adv_traj::NAME => adv_traj::sequence(traffic, script),

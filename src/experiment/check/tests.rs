@@ -202,7 +202,7 @@ fn every_option_of_every_table_refuses_wrong_values_by_path_found_and_expected()
     // What none of these experiments uses.
     let unused = ["top_k", "min_p", "max_completion_tokens", "frequency_penalty", "presence_penalty"];
     let unused = unused.map(|name| format!("models.*.sampling.{name}"));
-    let others = ["seed_note", "lineage[].policy"].map(String::from);
+    let others = ["seed_note", "lineage[].policy", "lineage[].published"].map(String::from);
     assert_eq!(absent, others.into_iter().chain(unused).collect::<Vec<_>>());
 }
 

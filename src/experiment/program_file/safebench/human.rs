@@ -79,7 +79,7 @@ fn whole(
         put(values, *family, &middles);
         match reach {
             None => reach = Some((own, *family)),
-            Some((known, _)) if (known - own).abs() <= 1e-9 => {}
+            Some((known, _)) if (known - own).abs() <= 1e-8 => {}
             Some((known, other)) => {
                 return Err(refuse(format!(
                     "a grid that reaches {known} times as far as the published one, as that of scenario {}, found {own}",

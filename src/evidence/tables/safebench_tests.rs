@@ -597,6 +597,10 @@ fn rollouts_a_scene_are_the_mean_of_what_kept_runs_tell_and_without_any_there_is
         // One of two routes of each family met the ego at once.
         let numbers = [2, own].into_iter().cycle();
         round.selected.iter_mut().zip(numbers).for_each(|(kept, number)| kept.run.search_rollouts = Some(number));
+        let mut runs = Runs::default();
+        let groups = ADVSIM.rounds[round.round as usize].iter().map(|(family, route, _)| (*family, *route));
+        groups.zip(&round.selected).for_each(|(group, kept)| runs.add(group, kept.run));
+        round.benchmark = runs.benchmark().unwrap();
     }
     let table = told(&made).unwrap();
     for (key, expected) in [("parent_search_rollouts", 5.5), ("evolved_search_rollouts", 21.5)] {

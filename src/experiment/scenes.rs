@@ -1,11 +1,12 @@
 //! The scenes of an experiment: generated, imported or read from a pool.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::{Experiment, ExperimentError, SceneSource};
 use crate::formats::summary::{self, BesideRoutes, FileScenes, HEAD_BYTES, Part, Reading};
 use crate::kernel::{Seed, Threads};
-use crate::scene::{Pool, Scene, pool};
+use crate::scene::{LeftOut, Pool, Scene, pool};
 use crate::store;
 use crate::synth::{self, FamilyOptions, SynthError, SynthOptions};
 
@@ -125,6 +126,25 @@ fn nothing_in(folders: &[PathBuf], others: &[PathBuf]) -> ExperimentError {
     ExperimentError::Scenes(text)
 }
 
+/// Why nothing came of files, each reason once with the first file and how many others share it.
+fn reasons(left_out: &[LeftOut]) -> Vec<String> {
+    let (mut shared, mut places): (Vec<(&LeftOut, usize)>, BTreeMap<&str, usize>) = Default::default();
+    for left in left_out {
+        match places.get(left.reason.as_str()) {
+            Some(&place) => shared[place].1 += 1,
+            None => {
+                places.insert(&left.reason, shared.len());
+                shared.push((left, 0));
+            }
+        }
+    }
+    let line = |(first, others): (&LeftOut, usize)| match others {
+        0 => format!("  {}: {}", first.file, first.reason),
+        _ => format!("  {} and {others} more: {}", first.file, first.reason),
+    };
+    shared.into_iter().map(line).collect()
+}
+
 /// Imports files and folders. What cannot be used is left out with its reason; nothing usable at all is an error. A
 /// thread has one file in memory at a time.
 fn import(paths: &[PathBuf], reading: Reading, threads: &Threads) -> Result<Pool, ExperimentError> {
@@ -161,8 +181,7 @@ fn import(paths: &[PathBuf], reading: Reading, threads: &Threads) -> Result<Pool
     });
     let summary = summary::summed(files.into_iter().map(|(name, _)| name).zip(read), reading.same_id);
     if summary.scenes.is_empty() {
-        let reasons: Vec<String> = summary.left_out.iter().map(|l| format!("  {}: {}", l.file, l.reason)).collect();
-        return Err(unusable(format!("no scene could be imported:\n{}", reasons.join("\n"))));
+        return Err(unusable(format!("no scene could be imported:\n{}", reasons(&summary.left_out).join("\n"))));
     }
     let pool = Pool::new(summary.scenes, summary.left_out).map_err(unusable)?;
     Ok(Pool { seals_provenance: true, ..pool })

@@ -77,7 +77,6 @@ fn a_sequence_of_a_file_is_what_the_adversary_plays_and_what_comes_out_again() {
             text(&out),
         ]);
         assert!(!said.stdout.contains("left out"), "{}", said.stdout);
-        let folder_name = list;
         let entries = read(&out.join(format!("scenario_type/{list}.json")));
         assert_eq!(entries.as_array().unwrap().len(), 8);
         assert_eq!(
@@ -93,16 +92,33 @@ fn a_sequence_of_a_file_is_what_the_adversary_plays_and_what_comes_out_again() {
         }
         // What the list names is read again as the same program.
         let again = dir.path().join(format!("{method}-again.toml"));
+        let name = list;
         let (list, folder) = (out.join(format!("scenario_type/{list}.json")), out.join(format!("model_ckpt/{list}")));
         ran(&["program", "import", text(&list), "--sequences", text(&folder), "--out", text(&again)]);
+        // Without scenes a sequence comes out as it was read.
         let back = dir.path().join(format!("{method}-back"));
         ran(&["program", "export", text(&again), "--format", "safebench", "--out", text(&back)]);
-        let written = |of: &Path, scenario: u32| read(&of.join(format!("model_ckpt/{folder_name}/{scenario}/0.json")));
-        assert_eq!(written(&back, 3), written(&out, 3));
+        let third = "3/0.json";
+        assert_eq!(read(&back.join(format!("model_ckpt/{name}/{third}"))), read(&folder.join(third)));
+        let second = dir.path().join(format!("{method}-second"));
+        ran(&[
+            "program",
+            "export",
+            text(&again),
+            "--format",
+            "safebench",
+            "--scenes",
+            text(&pool),
+            "--out",
+            text(&second),
+        ]);
+        for scenario in (1..=8).filter(|_| method == "advsim") {
+            let name = format!("model_ckpt/advsim/{scenario}/0.json");
+            assert_eq!(read(&second.join(&name)), read(&out.join(&name)), "the same speeds bit for bit");
+        }
         // Without scenes it is what the file said, on every route.
         let whole = dir.path().join(format!("{method}-whole"));
         ran(&["program", "export", text(&program), "--format", "safebench", "--out", text(&whole)]);
-        let name = if method == "advsim" { "advsim" } else { "advtraj" };
         assert_eq!(read(&whole.join(format!("model_ckpt/{name}/3/0.json"))), json!(values(first + 3)));
         assert_eq!(read(&whole.join(format!("scenario_type/{name}.json"))).as_array().unwrap().len(), 80);
     }
@@ -199,6 +215,20 @@ fn scripts_that_wait_are_written_for_carla_and_recorded_road_users_are_not() {
             "a town's own road is not written again: {}",
             said.stdout
         );
+        // Each waits for the ego at the distance that the intervention says; time alone begins nothing but the act.
+        for entry in std::fs::read_dir(&out).unwrap() {
+            let path = entry.unwrap().path();
+            let written = std::fs::read_to_string(&path).unwrap();
+            assert_eq!(written.matches("<SimulationTimeCondition").count(), 2, "{}", path.display());
+            assert!(written.contains("filepath=\"Town01"), "the town's own road: {}", path.display());
+            assert!(!written.contains("<Timing"), "nobody is frozen: {}", path.display());
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            let of = TrafficFamily::ALL.into_iter().find(|family| name.contains(family.name())).unwrap();
+            let played = read(&dir.path().join(format!("played/model_ckpt/evodrive/{}/0.json", of.number())));
+            let distance = played["actions"][0]["triggered"]["trigger"]["distance_m"].as_f64().unwrap();
+            let first = written.split("<RelativeDistanceCondition").nth(1).unwrap();
+            assert!(first.split('>').next().unwrap().contains(&format!("value=\"{distance}\"")), "{first}");
+        }
     }
     let generated = tempfile::tempdir().unwrap();
     let other = scenes(generated.path(), &[TrafficFamily::RightTurn], false);

@@ -86,7 +86,7 @@ fn the_set_on_real_routes_plays_what_is_at_hand_and_names_every_missing_file() {
         Ran::of(evodrive().args(["scenes", "import"]).arg(&routes).arg("--out").arg(out.path().join("none.pool")));
     assert_eq!(alone.code, 2);
     assert!(
-        alone.stderr.contains("Town_Safebench_Light.xodr is missing (towns at hand: none); add it with --towns"),
+        alone.stderr.contains("Town05.xodr is missing (towns at hand: none); add it with --towns"),
         "{}",
         alone.stderr
     );

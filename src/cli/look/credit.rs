@@ -27,7 +27,7 @@ use crate::evidence::credit_table::credits as credits_table;
 use crate::evidence::tables::Drawn;
 use crate::experiment::ProgramFile;
 use crate::families;
-use crate::kernel::{Digest, Seed, Threads};
+use crate::kernel::{Digest, Threads};
 use crate::objects::event::ParentAdopted;
 use crate::objects::{LineageId, Operation, Program, ProgramPatch, SceneScore, SolutionId};
 use crate::stage::Source;
@@ -238,7 +238,6 @@ fn credit(
     let file = packed::packed_of(folder, run, solution.as_str())?;
     let way = Way::of(run, solution, how.operations)?;
     let sources = families::sources();
-    let source = sources.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
     let (asked, ego) = match (how.ego, how.driver, packed::own_weights(folder, &file)?) {
         (None, None, Some(learned)) => (None, learned),
         (ego, driver, _) => applying::under_test(&file, ego, (driver, None))?,
@@ -249,15 +248,9 @@ fn credit(
     let scenes: Vec<_> = held_out.collect();
     let entries = threads.map(&scenes, |_, scene| SceneEntry::new(scene.clone()));
     let counsels = applying::counsels(&file, &entries);
-    let applied = Applied {
-        source,
-        ego: &ego,
-        seed: Seed(file.conditions.seed),
-        simulator: &file.conditions.simulator,
-        backend: behind::asked(asked.as_ref(), planners.as_ref()),
-        evaluation: &file.conditions.evaluation,
-        counsels: &counsels,
-    };
+    let backend = behind::asked(asked.as_ref(), planners.as_ref());
+    let applied = Applied { backend, ..applying::as_conditioned(&file, &sources, &ego, &counsels)? };
+    let source = applied.source;
     let whole = way.with(source, |_| true).map_err(Failure::internal)?;
     let (start, end) = (hash(way.parent)?, hash(way.program)?);
     if hash(&whole)? != end {

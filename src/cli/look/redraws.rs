@@ -4,19 +4,18 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use crate::backend::Backend;
 use crate::cli::records::folder::RunFolder;
 use crate::cli::records::kept::KeptFile;
 use crate::cli::scenes::files;
 use crate::cli::studies::{apply, packed};
 use crate::cli::terminal::answer::progress;
 use crate::cli::terminal::exit::{Exit, Failure};
-use crate::epoch::{Applied, Redraw, Replaced, SceneEntry};
+use crate::epoch::{Redraw, Replaced, SceneEntry};
 use crate::evaluation::Selecting;
 use crate::evidence::RecordedRun;
 use crate::experiment::Experiment;
 use crate::families;
-use crate::kernel::{Seed, Threads};
+use crate::kernel::Threads;
 use crate::objects::Attempt;
 use crate::objects::benchmark::Redrawn;
 use crate::objects::event::LineageResult;
@@ -86,7 +85,6 @@ fn redrawn(
         None => apply::driver(&file.conditions.ego)?,
     };
     let sources = families::sources();
-    let source = sources.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
     let evolution = evolution(run, &folder.read_pool()?, threads);
     let counsels = apply::counsels(&file, &evolution);
     let replaced = replaced(&run.attempts, result);
@@ -99,15 +97,7 @@ fn redrawn(
     let redraw = Redraw {
         lineage: &result.lineage,
         parent: &file.parent,
-        applied: Applied {
-            source,
-            ego: &ego,
-            seed: Seed(file.conditions.seed),
-            simulator: &file.conditions.simulator,
-            backend: Backend::Own,
-            evaluation: &file.conditions.evaluation,
-            counsels: &counsels,
-        },
+        applied: apply::as_conditioned(&file, &sources, &ego, &counsels)?,
         evolution: &evolution,
         rounds: run.rounds.iter().map(|round| round.round).max().unwrap_or(0),
         descendants: descendants(run, result),

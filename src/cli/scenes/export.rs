@@ -121,7 +121,11 @@ fn chosen(options: &Options, threads: usize) -> Result<Vec<(Scene, Option<Stagin
             let found = options.paths.first().map_or(Path::new(""), PathBuf::as_path);
             return options.of.without_result(found).map(|()| Vec::new());
         }
-        None => of_pool(options, threads)?.into_iter().map(|scene| (scene, None)).collect(),
+        None => files::chosen(&options.paths, &options.scene, threads)?
+            .scenes
+            .into_iter()
+            .map(|scene| (scene, None))
+            .collect(),
     })
 }
 
@@ -227,16 +231,6 @@ impl<'a> Exports<'a> {
         let left_out: Vec<Value> = self.left_out.iter().map(left_out_text).collect();
         json!({"out": self.out, "scenes": self.rows, "left_out": left_out})
     }
-}
-
-fn of_pool(options: &Options, threads: usize) -> Result<Vec<Scene>, Failure> {
-    let pool = files::read(&options.paths, threads)?;
-    if options.scene.is_empty() {
-        return Ok(pool.scenes);
-    }
-    let place = options.paths.first().map_or(Path::new(""), PathBuf::as_path);
-    let ids: BTreeSet<&String> = options.scene.iter().collect();
-    ids.into_iter().map(|id| files::named(&pool, place, id).cloned()).collect()
 }
 
 /// A name that every file system takes and no other scene has: systems that fold case must not merge two.

@@ -1,6 +1,7 @@
 //! Scenes as files hold them, for every command that takes some: read, named, listed, written.
 
 use serde_json::json;
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -120,6 +121,18 @@ pub fn named<'p>(pool: &'p Pool, path: &Path, id: &str) -> Result<&'p Scene, Fai
         let all = unnamed(pool, path);
         Failure { message: format!("there is no scene {id:?}{near}\n  {}", all.message), ..all }
     })
+}
+
+/// The scenes of these ids, in their order, or all of the files.
+pub fn chosen(paths: &[PathBuf], ids: &[String], jobs: usize) -> Result<Pool, Failure> {
+    let pool = read(paths, jobs)?;
+    if ids.is_empty() {
+        return Ok(pool);
+    }
+    let place = paths.first().map_or(Path::new(""), PathBuf::as_path);
+    let ids: BTreeSet<&String> = ids.iter().collect();
+    let scenes = ids.into_iter().map(|id| named(&pool, place, id).cloned()).collect::<Result<_, _>>()?;
+    Pool::new(scenes, Vec::new()).map_err(Failure::bad_input)
 }
 
 /// Says which scenes there are to name.

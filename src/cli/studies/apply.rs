@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::backend::{Answers, Planners};
+use crate::backend::{Answers, Backend, Planners};
 use crate::cli::evolve::behind::{self, Asked};
 use crate::cli::look::rollout::Played;
 use crate::cli::scenes::export::{AT_ONCE, Exports, Format};
@@ -28,6 +28,7 @@ use crate::kernel::{Digest, Seed, Threads};
 use crate::objects::replay::{Replayed, Suite};
 use crate::objects::{Counsel, SceneScore};
 use crate::scene::{LeftOut, Pool, Scene, usable};
+use crate::stage::Sources;
 use crate::text::{counted, nearest};
 
 /// Rollouts that the player page holds.
@@ -79,24 +80,15 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let (asked, ego) = under_test(&file, options.ego.as_ref(), (options.driver.as_deref(), options.time_limit))?;
     let planners = asked.as_ref().map(Asked::planners);
     let seed = Seed(options.seed.unwrap_or(file.conditions.seed));
-    let pool = chosen(options, files::read(&options.scenes, jobs)?)?;
+    let pool = files::chosen(&options.scenes, &options.scene, jobs)?;
     let threads = files::threads(jobs)?;
     let pool_digest = pool.digest();
     let (taken, left_out) = sorted_out(&options.scenes, &file, pool)?;
     let entries = threads.map(&taken, |_, scene| SceneEntry::new(scene.clone()));
     let counsels = counsels(&file, &entries);
     let sources = families::sources();
-    let source = sources.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
-    let conditions = &file.conditions;
-    let applied = Applied {
-        source,
-        ego: &ego,
-        seed,
-        simulator: &conditions.simulator,
-        backend: behind::asked(asked.as_ref(), planners.as_ref()),
-        evaluation: &conditions.evaluation,
-        counsels: &counsels,
-    };
+    let backend = behind::asked(asked.as_ref(), planners.as_ref());
+    let applied = Applied { seed, backend, ..as_conditioned(&file, &sources, &ego, &counsels)? };
     let mut labelled = applied.label(&[&file.parent, &file.program], &entries, &threads)?;
     let (Some(program), Some(parent)) = (labelled.pop(), labelled.pop()) else {
         return Err(Failure::internal("two programs were labelled"));
@@ -195,18 +187,6 @@ fn without_program(applied: &Applied<'_>, entries: &[SceneEntry], threads: &Thre
         .ok_or_else(|| Failure::bad_input("no scene could be played without a program"))
 }
 
-/// The scenes that are named, or all.
-fn chosen(options: &Options, pool: Pool) -> Result<Pool, Failure> {
-    if options.scene.is_empty() {
-        return Ok(pool);
-    }
-    let place = options.scenes.first().map_or(Path::new(""), PathBuf::as_path);
-    let ids: BTreeSet<&String> = options.scene.iter().collect();
-    let named: Result<Vec<Scene>, Failure> =
-        ids.into_iter().map(|id| files::named(&pool, place, id).cloned()).collect();
-    Pool::new(named?, Vec::new()).map_err(Failure::bad_input)
-}
-
 /// Which scenes are played, and which are not and why.
 pub type SortedOut = (Vec<Arc<Scene>>, Vec<(String, String)>);
 
@@ -252,6 +232,25 @@ pub fn sorted_out(paths: &[PathBuf], file: &ProgramFile, pool: Pool) -> Result<S
 pub fn counsels(file: &ProgramFile, entries: &[SceneEntry]) -> BTreeMap<Digest, Counsel> {
     let of = |entry: &SceneEntry| Some((entry.digest, file.counsel_in(entry.scene(), entry.digest)?));
     entries.iter().filter_map(of).collect()
+}
+
+/// What plays a file's programs under its own conditions, by our own simulator.
+pub fn as_conditioned<'a>(
+    file: &'a ProgramFile,
+    sources: &'a Sources,
+    ego: &'a Policy,
+    counsels: &'a BTreeMap<Digest, Counsel>,
+) -> Result<Applied<'a>, Failure> {
+    let source = sources.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
+    Ok(Applied {
+        source,
+        ego,
+        seed: Seed(file.conditions.seed),
+        simulator: &file.conditions.simulator,
+        backend: Backend::Own,
+        evaluation: &file.conditions.evaluation,
+        counsels,
+    })
 }
 
 /// Plays the program once more with its motion, and writes the page and the scenes.

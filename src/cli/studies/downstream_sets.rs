@@ -3,13 +3,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::backend::Backend;
 use crate::cli::studies::apply;
 use crate::cli::terminal::{answer::progress, exit::Failure};
 use crate::epoch::{Applied, SceneEntry};
 use crate::experiment::{DownstreamFile, ProgramFile};
 use crate::families;
-use crate::kernel::{Digest, Seed, Threads};
+use crate::kernel::{Digest, Threads};
 use crate::learn::Lesson;
 use crate::objects::downstream::{FixedSet, FixedSets, SetName};
 use crate::scene::safebench::TrafficFamily;
@@ -60,16 +59,8 @@ struct Played {
 pub fn fixed(file: &DownstreamFile, program: &ProgramFile, threads: &Threads) -> Result<Sets, Failure> {
     let ego = apply::driver(&program.conditions.ego)?;
     let sources = families::sources();
-    let source = sources.get(&program.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
-    let applied = Applied {
-        source,
-        ego: &ego,
-        seed: Seed(program.conditions.seed),
-        simulator: &program.conditions.simulator,
-        backend: Backend::Own,
-        evaluation: &program.conditions.evaluation,
-        counsels: &BTreeMap::new(),
-    };
+    let counsels = BTreeMap::new();
+    let applied = apply::as_conditioned(program, &sources, &ego, &counsels)?;
     let [training, evaluation] = file.pools(program, threads)?;
     let wants_benign = file.arms.iter().any(|arm| arm.trains_on.contains(&SetName::Benign));
     let count = file.sets.training;

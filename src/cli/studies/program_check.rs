@@ -12,10 +12,9 @@ use crate::cli::studies::apply;
 use crate::cli::studies::program_hand::provenance;
 use crate::cli::terminal::exit::Exit;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
-use crate::epoch::{Applied, SceneEntry};
+use crate::epoch::SceneEntry;
 use crate::experiment::{Finding, ProgramFile, ProgramFileError};
 use crate::families;
-use crate::kernel::Seed;
 use crate::objects::Gate;
 use crate::text::counted;
 
@@ -115,16 +114,7 @@ fn compile(options: &Options, file: &ProgramFile, jobs: usize) -> Result<Compile
     let entries = threads.map(&taken, |_, scene| SceneEntry::new(scene.clone()));
     let counsels = apply::counsels(file, &entries);
     let sources = families::sources();
-    let source = sources.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
-    let applied = Applied {
-        source,
-        ego: &ego,
-        seed: Seed(file.conditions.seed),
-        simulator: &file.conditions.simulator,
-        backend: crate::backend::Backend::Own,
-        evaluation: &file.conditions.evaluation,
-        counsels: &counsels,
-    };
+    let applied = apply::as_conditioned(file, &sources, &ego, &counsels)?;
     let (mut acts, mut findings) = (0, Vec::new());
     for (entry, of) in entries.iter().zip(applied.interventions(&[&file.program], &entries, &threads)?) {
         for compiled in of {

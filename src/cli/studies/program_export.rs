@@ -9,22 +9,20 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::backend::Backend;
 use crate::cli::scenes::{export::file_name, files};
 use crate::cli::studies::apply;
 use crate::cli::studies::packed::{Which, packed};
 use crate::cli::studies::program_form::bytes_for;
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
-use crate::epoch::{Applied, SceneEntry};
+use crate::epoch::SceneEntry;
 use crate::experiment::{ProgramFile, safebench_files};
 use crate::families::{self, adv_traj, advsim, chatscene, human};
 use crate::formats::openscenario::{Revision, triggered};
 use crate::formats::safebench::parameters::{Entry, Parameters, written};
-use crate::kernel::Seed;
 use crate::motion::traffic_family::adversary;
 use crate::scene::safebench::{Staging, TrafficFamily};
-use crate::scene::{Origin, Pool, Scene};
+use crate::scene::{Origin, Scene};
 use crate::sim::{Action, Intervention, Script};
 use crate::text::counted;
 
@@ -54,7 +52,7 @@ pub struct Options {
     /// Only the scene with this id; may be repeated.
     #[arg(long, requires = "scenes")]
     pub scene: Vec<String>,
-    /// Driver that it plans around there: idm, idm-lights, replay, or weights (.safetensors); without it the file's own.
+    /// Driver that it plans around there: idm, idm-lights, pdm, replay, or weights (.safetensors); without it the file's own.
     #[arg(long, requires = "scenes")]
     pub ego: Option<String>,
     #[command(flatten)]
@@ -112,26 +110,13 @@ fn commanded(options: &Options, file: &ProgramFile, jobs: usize) -> Result<Vec<C
         return Ok(Vec::new());
     }
     let (_, ego) = apply::under_test(file, options.ego.as_ref(), (None, None))?;
-    let pool = files::read(&options.scenes, jobs)?;
-    let place = &options.scenes[0];
-    let ids: BTreeSet<&String> = options.scene.iter().collect();
-    let named = ids.into_iter().map(|id| files::named(&pool, place, id).cloned()).collect::<Result<Vec<_>, _>>()?;
-    let pool = if named.is_empty() { pool } else { Pool { scenes: named, ..pool } };
+    let pool = files::chosen(&options.scenes, &options.scene, jobs)?;
     let (taken, _) = apply::sorted_out(&options.scenes, file, pool)?;
     let threads = files::threads(jobs)?;
     let entries = threads.map(&taken, |_, scene| SceneEntry::new(scene.clone()));
     let counsels = apply::counsels(file, &entries);
     let sources = families::sources();
-    let source = sources.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
-    let applied = Applied {
-        source,
-        ego: &ego,
-        seed: Seed(file.conditions.seed),
-        simulator: &file.conditions.simulator,
-        backend: Backend::Own,
-        evaluation: &file.conditions.evaluation,
-        counsels: &counsels,
-    };
+    let applied = apply::as_conditioned(file, &sources, &ego, &counsels)?;
     let commanded = applied.interventions(&[&file.program], &entries, &threads)?.into_iter().flatten();
     let of = |(entry, intervention): (&SceneEntry, _)| Commanded { scene: entry.scene().clone(), intervention };
     Ok(entries.iter().zip(commanded).map(of).collect())

@@ -27,7 +27,8 @@ struct Stage {
 }
 
 fn stages() -> Vec<Stage> {
-    let real = crate::families::registry();
+    // As a study offers them that starts from their parents.
+    let real = crate::families::sources().map(|source| source.offering_for([])).registry();
     let foreign = |family: &Family| {
         let others = real.iter().filter(|other| other.contract.family != family.contract.family);
         others.flat_map(|other| other.contract.private_vocabulary.clone()).collect()

@@ -3,13 +3,12 @@
 use proptest::prelude::*;
 
 use super::forecast::{ContactKind, Other, contact_kind};
-use super::settings::PUBLISHED;
 use super::*;
 use crate::ego::Policy;
 use crate::kernel::{OrientedBox, num};
-use crate::scene::{AgentKind, Light, LightState, Road, Scene};
-use crate::sim::scenes::{car, crossing, sample, straight, straight_road};
-use crate::sim::{End, Intervention, Outcome, Side, Striker, Trace, rollout_traced};
+use crate::scene::{AgentKind, Lane, Light, LightState, Road, Scene};
+use crate::sim::scenes::{car, crossing, lane, sample, straight, straight_road};
+use crate::sim::{End, Intervention, Outcome, Side, Size, Striker, Trace, rollout_traced};
 
 const STEPS: usize = 121;
 
@@ -42,6 +41,83 @@ fn the_kind_of_a_contact_is_the_first_of_nuplans_that_holds() {
         kind(3.0, &other(at, 0.0, 3.0))
     };
     assert_eq!([149.0, 151.0].map(edge), [ContactKind::Side, ContactKind::Rear]);
+}
+
+/// A lane along +x about y = 0, along which the route leads, and one against it about y = 4.
+fn two_ways() -> Scene {
+    let mut scene = straight_road(STEPS, 8.0, vec![]);
+    scene.road.lanes.push(Lane { id: "back".into(), ..lane(Vec2::new(250.0, 4.0), Vec2::new(-50.0, 4.0)) });
+    scene
+}
+
+/// Straight along +x at a speed, m/s, this far to the left of the route at each step, metres.
+fn straight_on(speed_mps: f64, left_m: impl Fn(usize) -> f64) -> [State; STATES] {
+    std::array::from_fn(|k| State {
+        position: Vec2::new(STEP_S * k as f64 * speed_mps, left_m(k)),
+        heading_rad: 0.0,
+        speed_mps,
+        acceleration_mps2: 0.0,
+        steering_rad: 0.0,
+        steering_rate_radps: 0.0,
+    })
+}
+
+/// What proposals on these two lanes are worth among others.
+fn worth(proposals: &[[State; STATES]], others: &[Other]) -> Vec<Judgement> {
+    let plant = Plant::new(&two_ways()).unwrap();
+    let centreline = Centreline::of(&plant).unwrap();
+    let on_route = route_lanes(&plant, &centreline);
+    let car = Car::of(Size::new(AgentKind::Vehicle, 4.5, 1.9));
+    let settings = &PUBLISHED;
+    Judge { plant: &plant, on_route: &on_route, centreline: &centreline, car: &car, others, settings }.judged(proposals)
+}
+
+fn score(states: [State; STATES], others: &[Other]) -> f64 {
+    worth(&[states], others)[0].score
+}
+
+#[test]
+fn a_proposal_loses_what_the_published_score_takes_for_each_fault_and_nothing_else() {
+    let alone = |left_m: &dyn Fn(usize) -> f64| score(straight_on(8.0, left_m), &[]);
+    assert_eq!(alone(&|_| 0.0), 1.0);
+    // With a corner beside the road.
+    assert_eq!(alone(&|_| -1.5), 0.0);
+    // Against traffic for 1.6 m, 4.8 m and the whole way: its middle is in the other lane from y = 2 on.
+    let over = |steps: usize| move |k: usize| if (10..10 + steps).contains(&k) { 2.2 } else { 1.9 };
+    assert_eq!([over(1), over(5), over(30)].map(|left_m| alone(&left_m)), [1.0, 0.5, 0.0]);
+    // Half of the best one's way.
+    let both = worth(&[straight_on(8.0, |_| 0.0), straight_on(4.0, |_| 0.0)], &[]);
+    assert!((both[1].score - (2.5 + 5.0 + 2.0) / 12.0).abs() < 1e-9 && both[0].score == 1.0, "{both:?}");
+    // Harder than 2.40 m/s².
+    let hard = straight_on(8.0, |_| 0.0).map(|state| State { acceleration_mps2: 2.5, ..state });
+    assert!((score(hard, &[]) - 10.0 / 12.0).abs() < 1e-9);
+}
+
+#[test]
+fn others_cost_a_proposal_what_comes_of_meeting_them() {
+    let meets = |others: &[Other]| worth(&[straight_on(8.0, |_| 0.0)], others)[0];
+    let standing = |x_m: f64| Other {
+        now: OrientedBox::new(Vec2::new(x_m, 0.0), 0.0, 4.0, 2.0),
+        speed_mps: 0.0,
+        ..other(Vec2::ZERO, 0.0, 0.0)
+    };
+    // The way ends with the bumper at 35.66 m: whoever stands behind that is met within 0.9 s of going on, 7.2 m.
+    let far = meets(&[standing(47.0)]);
+    let near = meets(&[standing(41.0)]);
+    assert_eq!((far.score, far.at_fault_s), (1.0, None));
+    assert!((near.score - 7.0 / 12.0).abs() < 1e-9 && near.at_fault_s.is_none(), "{near:?}");
+    // Driven into, a road user costs all, a thing half of it; both have their time.
+    let met = meets(&[standing(21.0)]);
+    assert_eq!(met.score, 0.0);
+    assert!((met.at_fault_s.unwrap() - 2.0).abs() < 0.21, "{met:?}");
+    let thing = meets(&[Other { is_agent: false, ..standing(21.0) }]);
+    assert!(thing.score > 0.0 && thing.score <= 0.5, "{thing:?}");
+    // For who comes from behind the ego is not at fault. As published it loses the time to collision: where it will be met is ahead of where
+    // its rear axle is now.
+    let chased = meets(&[other(Vec2::new(-12.0, 0.0), 0.0, 14.0)]);
+    assert!((chased.score - 7.0 / 12.0).abs() < 1e-9 && chased.at_fault_s.is_none(), "{chased:?}");
+    // A red light is nobody to be met.
+    assert_eq!(meets(&[Other { is_agent: false, is_light: true, ..standing(21.0) }]).score, 1.0);
 }
 
 #[test]
@@ -133,7 +209,7 @@ fn a_scene_that_lacks_lanes_or_limits_or_begins_inside_somebody_is_driven_all_th
     scene.road = Road::default();
     for trace in [whole, driven(&scene, &Policy::Pdm).1] {
         assert!(trace.ego.iter().all(|at| at.position.is_finite() && at.heading_rad.is_finite()));
-        assert!(trace.ego.last().unwrap().position.x > 8.0, "whom it overlaps from the start it passes over");
+        assert!(trace.ego[30].position.x > 23.0, "whom it overlaps from the start it passes over");
     }
 }
 

@@ -16,6 +16,7 @@ use super::paper::{
 use super::resampled::Resampled;
 use super::searches::{searches, stops};
 use crate::evidence::recorded_run::RecordedRun;
+use crate::kernel::num;
 use crate::objects::benchmark::{Benchmark, BenchmarkRow};
 use crate::objects::replay::{ReplayRow, Suite};
 use crate::scene::safebench::TrafficFamily;
@@ -47,7 +48,7 @@ pub fn safebench_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
     };
     let replays = replays(runs).into_iter().map(|replay| replay_row(replay, None, &columns));
     let rows: Vec<Row> = replays.chain(in_order(&all).iter().map(row)).collect();
-    let notes = notes(runs, &all).into_iter().chain(saturated(&rows, &all)).collect();
+    let notes = notes(runs, &all).into_iter().chain(saturated(&rows, &all)).chain(searched_more(&rows)).collect();
     let title = "Generator evolution on SafeBench's traffic families".to_string();
     Ok(Table {
         name: "safebench-main",
@@ -368,14 +369,9 @@ impl Subject<'_> {
     }
 }
 
-/// What a reader must know beside the numbers.
 /// The rows in which nearly every selected run is a collision already: little of their attack is left to gain.
 pub(super) fn saturated(rows: &[Row], all: &[LineageArchive]) -> Option<String> {
-    let rate = |row: &Row, key: &str| {
-        let cell = row.cells.iter().find(|cell| cell.column.key == key)?;
-        cell.ours.map(|own| own.value)
-    };
-    let full = |row: &&Row| rate(row, "evolved_cr").is_some_and(|rate| rate >= SATURATED);
+    let full = |row: &&Row| value(row, "evolved_cr").is_some_and(|rate| rate >= SATURATED);
     let named: Vec<String> = rows.iter().filter(full).map(|row| row.labels.join("/")).collect();
     let ceilings: Vec<String> = rows.iter().filter(full).filter_map(|row| at_ceiling(row, all)).collect();
     (!named.is_empty()).then(|| {
@@ -385,6 +381,33 @@ pub(super) fn saturated(rows: &[Row], all: &[LineageArchive]) -> Option<String> 
              drawn as often as the search drew, are collisions can show no gain: {}.",
             named.join(", "),
             ceilings.join(", ")
+        )
+    })
+}
+
+/// Our value in a column of a row.
+fn value(row: &Row, key: &str) -> Option<f64> {
+    let cell = row.cells.iter().find(|cell| cell.column.key == key)?;
+    cell.ours.map(|own| own.value)
+}
+
+/// So many times the parent's looks at the ego are said.
+const MORE_LOOKS: f64 = 1.5;
+
+/// The rows whose programs look at the ego more often than the parent that they are held against: asking it more often gains by itself.
+pub(super) fn searched_more(rows: &[Row]) -> Option<String> {
+    let [parent, redrawn, evolved] = SEARCHED;
+    let more = |row: &Row| {
+        let (own, before) = (value(row, evolved)?, value(row, redrawn).or_else(|| value(row, parent))?);
+        let text = || format!("{} {} for {}", row.labels.join("/"), num::fixed(own, 1), num::fixed(before, 1));
+        (own >= MORE_LOOKS * before).then(text)
+    };
+    let named: Vec<String> = rows.iter().filter_map(more).collect();
+    (!named.is_empty()).then(|| {
+        format!(
+            "More looks at the ego: some programs simulate more scenarios before one is chosen than the parent in their column of change, a scene: \
+             {}. The same parent that may ask as often gains, too (docs/OBJECTIVES.md), and no column takes that off.",
+            named.join(", ")
         )
     })
 }
@@ -401,6 +424,7 @@ fn at_ceiling(row: &Row, all: &[LineageArchive]) -> Option<String> {
     Some(format!("{} {full} of {groups}", row.labels.join("/")))
 }
 
+/// What a reader must know beside the numbers.
 fn notes(runs: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
     let mut notes = vec![
         "CR: collision rate; OS: SafeBench's overall score, lower is the stronger scenario; ARS: adversarial realism score. \

@@ -610,4 +610,16 @@ fn rollouts_a_scene_are_the_mean_of_what_kept_runs_tell_and_without_any_there_is
         cell(&table, &["AS", "IDM"], "redrawn_search_rollouts").ours.is_none(),
         "nobody told of the redrawn parent"
     );
+    // It looks at the ego four times as often as the parent, which is said; as often as the parent it says nothing.
+    let says = |table: &Table| table.notes.iter().any(|note| note.contains("AS/IDM 21.5 for 5.5"));
+    assert!(says(&table), "{:?}", table.notes);
+    let rows: Vec<_> = table.rows().cloned().collect();
+    let alike = |row: &mut super::Row| {
+        let own = cell(&table, &["AS", "IDM"], "parent_search_rollouts").ours;
+        let place = row.cells.iter().position(|cell| cell.column.key == "evolved_search_rollouts").unwrap();
+        row.cells[place].ours = own;
+    };
+    let mut same = rows.clone();
+    same.iter_mut().for_each(alike);
+    assert_eq!((safebench::searched_more(&rows).is_some(), safebench::searched_more(&same)), (true, None));
 }

@@ -27,6 +27,8 @@ const LISTED_MAX: usize = 20;
 /// What was played, and what was left out before.
 pub struct Comparison {
     pub file: ProgramFile,
+    /// The experiment whose rules judged, where they are not those that the program was evolved under.
+    pub rules: Option<String>,
     pub ego: Policy,
     pub seed: Seed,
     pub pool: Digest,
@@ -80,6 +82,7 @@ pub fn answer(of: &Comparison, written: &Written, broken: Option<&[Broken]>) -> 
         "family": of.file.family,
         "origins": of.file.origins,
         "ego": of.ego.name(),
+        "rules": of.rules,
         "seed": of.seed.0,
         "pool": of.pool,
         "counselled": of.counselled,
@@ -188,6 +191,11 @@ fn notes(of: &Comparison) -> Vec<String> {
              have it labelled there, start a lineage from this file (`parent_program`) in an experiment with that \
              [simulator.backend]",
             backend.name, backend.version
+        ));
+    }
+    if let Some(rules) = &of.rules {
+        notes.push(format!(
+            "simulated and judged by the rules of {rules}, not by those that the program was evolved under"
         ));
     }
     if of.ego.name() != conditions.ego {

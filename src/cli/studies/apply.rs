@@ -21,8 +21,8 @@ use crate::cli::terminal::shell::quoted;
 use crate::draw::{Drawing, players_html};
 use crate::ego::{Policy, PolicyError};
 use crate::epoch::{Applied, Labelled, SceneEntry, record_digest};
-use crate::evaluation::{Playing, replay_row};
-use crate::experiment::ProgramFile;
+use crate::evaluation::{EvaluationOptions, Playing, replay_row};
+use crate::experiment::{Conditions, Experiment, ProgramFile};
 use crate::families;
 use crate::kernel::{Digest, Seed, Threads};
 use crate::objects::replay::{Replayed, Suite};
@@ -55,6 +55,10 @@ pub struct Options {
     /// crash nor a success. Without it 10, or what its table [driver] says.
     #[arg(long, requires = "driver")]
     pub time_limit: Option<f64>,
+    /// Simulate and judge by the rules of this experiment file ([simulator] and [evaluation]) instead of those that the program was
+    /// evolved under; seed, scenes and driver are not taken from it.
+    #[arg(long)]
+    pub rules: Option<PathBuf>,
     /// List the scenes in which the driver meets somebody, and under which program, with the command that plays each.
     #[arg(long)]
     pub scenes_broken: bool,
@@ -77,6 +81,7 @@ pub struct Options {
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let file = ProgramFile::read(&options.program)?;
+    let file = options.rules.iter().try_fold(file, |file, rules| under_rules(file, rules))?;
     let (asked, ego) = under_test(&file, options.ego.as_ref(), (options.driver.as_deref(), options.time_limit))?;
     let planners = asked.as_ref().map(Asked::planners);
     let seed = Seed(options.seed.unwrap_or(file.conditions.seed));
@@ -116,6 +121,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         replay,
         parent,
         program,
+        rules: options.rules.as_ref().map(|rules| rules.display().to_string()),
         file: file.clone(),
     };
     planners.iter().filter_map(Planners::compared).for_each(progress);
@@ -135,12 +141,33 @@ fn command(options: &Options) -> String {
         ("--ego", options.ego.as_deref().map(quoted)),
         ("--driver", options.driver.as_deref().map(path)),
         ("--time-limit", options.time_limit.map(|limit| limit.to_string())),
+        ("--rules", options.rules.as_deref().map(path)),
         ("--seed", options.seed.map(|seed| seed.to_string())),
     ];
     for (name, value) in named.into_iter().filter_map(|(name, value)| Some((name, value?))) {
         command.push_str(&format!(" {name} {value}"));
     }
     command
+}
+
+/// The file as if its programs had been evolved under another experiment's rules.
+fn under_rules(file: ProgramFile, rules: &Path) -> Result<ProgramFile, Failure> {
+    let experiment = Experiment::read(rules)?;
+    let staged =
+        |of: &EvaluationOptions| if of.safebench().is_some() { "SafeBench's routes" } else { "recorded traffic" };
+    let (theirs, own) = (staged(&experiment.evaluation), staged(&file.conditions.evaluation));
+    if theirs != own {
+        return Err(Failure::bad_input(format!(
+            "--rules {}: judges programs on {theirs}, and the program is one for {own}; name an experiment on {own}",
+            rules.display()
+        )));
+    }
+    let conditions = Conditions {
+        simulator: experiment.simulator.rules(),
+        evaluation: experiment.evaluation.clone(),
+        ..file.conditions
+    };
+    Ok(ProgramFile { conditions, ..file })
 }
 
 /// Who drives: the planner that is named, or else the policy that is, or else the one that the program was evolved against.

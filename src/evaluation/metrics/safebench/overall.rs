@@ -251,4 +251,71 @@ mod tests {
         assert_eq!(criteria(&[stuck]).unwrap().time_s, 0.0);
         assert_eq!(criteria(&[]), None);
     }
+
+    /// One moment of a drive, as ChatScene records it.
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Moment {
+        current_game_time: f64,
+        driven_distance: f64,
+        ego_yaw: f64,
+        off_road: bool,
+        distance_to_route: f64,
+        ego_acceleration_x: f64,
+        ego_acceleration_y: f64,
+        ego_acceleration_z: f64,
+        collision: bool,
+        run_red_light: u32,
+        run_stop: u32,
+        lane_invasion: u32,
+        route_complete: f64,
+    }
+
+    /// The drive's quantities, by the definitions of [`Driving`](crate::sim::Driving).
+    fn run(drive: &[Moment]) -> Run {
+        let (first, last) = (drive.first().unwrap(), drive.last().unwrap());
+        let mean = |value: &dyn Fn(&Moment) -> f64| drive.iter().map(value).sum::<f64>() / drive.len() as f64;
+        let steps = || drive.windows(2).map(|pair| (&pair[0], &pair[1]));
+        let off_road = steps().filter(|(before, now)| before.off_road || now.off_road);
+        let seconds = last.current_game_time - first.current_game_time;
+        Run {
+            collision: last.collision,
+            red_lights: f64::from(last.run_red_light),
+            stop_signs: f64::from(last.run_stop),
+            off_road_m: off_road.map(|(before, now)| now.driven_distance - before.driven_distance).sum(),
+            route_distance_m: mean(&|moment| moment.distance_to_route),
+            completion: last.route_complete / 100.0,
+            completed_s: (last.route_complete == 100.0).then_some(seconds),
+            acceleration_mps2: mean(&|moment| {
+                let of = [moment.ego_acceleration_x, moment.ego_acceleration_y, moment.ego_acceleration_z];
+                of.iter().map(|a| a * a).sum::<f64>().sqrt()
+            }),
+            yaw_rate_radps: steps().map(|(before, now)| (now.ego_yaw - before.ego_yaw).abs()).sum::<f64>().to_radians()
+                / seconds,
+            lane_invasions: f64::from(last.lane_invasion),
+        }
+    }
+
+    #[test]
+    fn chatscenes_own_function_gives_the_same_scores_for_the_same_records() {
+        // Random drives in the form of its records, and what its `get_route_scores` (commit abb98629) answered for them.
+        #[derive(Deserialize)]
+        struct Records {
+            answer: std::collections::BTreeMap<String, f64>,
+            runs: Vec<Vec<Moment>>,
+        }
+        let text = include_str!("../../../../tests/fixtures/chatscene/records.json");
+        let records: Records = serde_json::from_str(text).unwrap();
+        let found = criteria(&records.runs.iter().map(|drive| run(drive)).collect::<Vec<Run>>()).unwrap();
+        let scores = [
+            ("final_score", found.overall_score()),
+            ("safety_os", found.safety_score()),
+            ("task_os", found.task_score()),
+            ("comfort_os", found.comfort_score()),
+        ];
+        for (name, ours) in scores {
+            let theirs = records.answer[name];
+            assert!((ours - theirs).abs() < 1e-12, "{name}: {ours}, there {theirs}");
+        }
+    }
 }

@@ -430,24 +430,28 @@ fn an_unknown_ego_is_answered_with_the_nearest() {
 #[test]
 fn another_experiments_rules_judge_the_same_rollouts_and_those_of_other_scenes_are_refused() {
     let ((_, folder), (dir, file, _, score)) = (finished(), exported());
-    let rules = dir.path().join("nothing_counts.toml");
+    let rules = dir.path().join("sideswipes_count.toml");
     let base = home().join("experiments/quickstart.toml");
-    let attack = "[evaluation.attack]\ncounts = []\ncounts_if_avoidable = []\n";
-    std::fs::write(&rules, format!("base = {:?}\nname = \"nothing-counts\"\n{attack}", path(&base))).unwrap();
+    let attack = "[evaluation.attack]\ncounts = [\"sideswipe\"]\ncounts_if_avoidable = []\n";
+    std::fs::write(&rules, format!("base = {:?}\nname = \"sideswipes-count\"\n{attack}", path(&base))).unwrap();
     let by = |rules: &Path| {
         let mut command = evodrive();
         command.args(["--json", "apply", path(file), "--scenes", path(&folder.join("scenes.pool")), "--ego", "idm"]);
         command.args(score.scenes.iter().flat_map(|scene| ["--scene", &scene.scene]));
         json(&Ran::of(command.args(["--rules", path(rules)])))
     };
-    let attacks =
-        |of: &Value| of["program"]["score"]["scenes"].as_array().unwrap().iter().filter(|s| s["attack"] == 1.0).count();
-    let (own, none) = (by(&base), by(&rules));
+    let attacks = |of: &Value| -> Vec<String> {
+        let all = of["program"]["score"]["scenes"].as_array().unwrap().iter().filter(|scene| scene["attack"] == 1.0);
+        all.map(|scene| scene["contact"]["class"].as_str().unwrap().to_string()).collect()
+    };
+    let (own, other) = (by(&base), by(&rules));
     assert_eq!(labels(&own["program"]["score"]), recorded(score), "its own rules, named");
-    assert!(attacks(&own) > 0 && attacks(&none) == 0, "{} {}", attacks(&own), attacks(&none));
+    let (before, now) = (attacks(&own), attacks(&other));
+    assert!(before.iter().any(|class| class != "sideswipe") && !now.is_empty(), "{before:?} {now:?}");
+    assert!(now.iter().all(|class| class == "sideswipe"), "{now:?}");
     let noted =
-        none["notes"].as_array().unwrap().iter().any(|note| note.as_str().unwrap().contains("nothing_counts.toml"));
-    assert!(noted, "{}", none["notes"]);
+        |part: &str| other["notes"].as_array().unwrap().iter().any(|note| note.as_str().unwrap().contains(part));
+    assert!(noted("sideswipes_count.toml"), "{}", other["notes"]);
     let staged = home().join("experiments/safebench/preventable-idm.toml");
     let refused = run(&["apply", path(file), "--scenes", path(&folder.join("scenes.pool")), "--rules", path(&staged)]);
     assert!(

@@ -49,7 +49,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let families = sources();
     let cat = families.get(&FamilyName::new("cat")).ok_or("no family is called cat")?;
     // Every contact with the adversary counts, whoever caused it.
-    let attack_options = AttackOptions { counts: ContactClass::ALL.into(), counts_if_avoidable: [].into(), when: None };
+    let attack_options = AttackOptions {
+        counts: ContactClass::ALL.into(),
+        counts_if_avoidable: [].into(),
+        when: None,
+        requires: Default::default(),
+    };
     let options = NearMissOptions { gap_m_harmless: 5.0 };
     let mut severities = Vec::new();
     for index in 0..6 {

@@ -70,7 +70,7 @@ impl Example {
             detail: (!questions.is_plain()).then_some(Detail {
                 search: "What is searched.",
                 around: "What holds around it.",
-                ego: "What it heeds.",
+                ego: Some("What it heeds."),
                 compact,
             }),
         };
@@ -385,5 +385,5 @@ pub fn measures(safebench: bool) -> Measures {
         coverage_floor: 0.8,
         realism_min: 0.95,
     };
-    Measures { protocol, acceptance, rule: None, tradeoff: true, fixed_bodies: false }
+    Measures { protocol, acceptance, rule: None, tradeoff: true, fixed_bodies: false, otherwise: vec![] }
 }

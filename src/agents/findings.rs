@@ -22,7 +22,8 @@ const OF_ISOLATION: [Gate; 3] = [Gate::Parent, Gate::Isolation, Gate::Protected]
 const OF_MOTION: [Gate; 2] = [Gate::Compile, Gate::Effect];
 
 /// The findings as one critic sees them.
-pub fn for_critic(role: Role, findings: &Findings) -> Value {
+pub fn for_critic(role: Role, findings: Option<&Findings>) -> Value {
+    let Some(findings) = findings else { return not_asked() };
     match role {
         Role::IsolationCritic => shown(findings, |gate| OF_ISOLATION.contains(&gate)),
         Role::AttackCritic | Role::RealismCritic => shown(findings, |gate| OF_MOTION.contains(&gate)),
@@ -31,8 +32,12 @@ pub fn for_critic(role: Role, findings: &Findings) -> Value {
 }
 
 /// All findings.
-pub fn for_repair(findings: &Findings) -> Value {
-    shown(findings, |_| true)
+pub fn for_repair(findings: Option<&Findings>) -> Value {
+    findings.map_or_else(not_asked, |findings| shown(findings, |_| true))
+}
+
+fn not_asked() -> Value {
+    json!({"gates": "asked once the critics approve"})
 }
 
 fn shown(findings: &Findings, of: impl Fn(Gate) -> bool) -> Value {

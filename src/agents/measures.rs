@@ -18,6 +18,8 @@ pub struct Measures {
     pub tradeoff: bool,
     /// Whether what is inserted stays of the parent's kind.
     pub fixed_bodies: bool,
+    /// Rules in which the run is otherwise than the text says, in words.
+    pub otherwise: Vec<&'static str>,
 }
 
 /// One of the two protocols.
@@ -135,7 +137,7 @@ impl Measures {
         let mut values = json!({
             "r0": r0, "a0": a0, "epsilon_r": epsilon_r, "epsilon_a": epsilon_a, "level": level,
             "coverage_floor": coverage_floor, "realism_min": realism_min, "rule": self.rule, "tradeoff": self.tradeoff,
-            "fixed_bodies": self.fixed_bodies,
+            "fixed_bodies": self.fixed_bodies, "otherwise": self.otherwise.join("; "),
         });
         match &self.protocol {
             Protocol::Metadrive { counts, counts_if_avoidable, reaction_s, when, metrics, diagnostics } => {

@@ -83,8 +83,8 @@ pub struct Detail<'a> {
     pub search: &'a str,
     /// What holds around the search of every family: what predictions rest on, what filters and laws see.
     pub around: &'a str,
-    /// What the driver under test looks at and what it does not.
-    pub ego: &'a str,
+    /// What the driver under test looks at and what it does not; `None` where the run does not say it.
+    pub ego: Option<&'a str>,
     /// Whether the handbook is that of compact questions.
     pub compact: bool,
 }
@@ -251,8 +251,8 @@ pub enum Subject<'a> {
     Review {
         /// The patch in question, as JSON text.
         patch: &'a str,
-        /// What the gates say of it.
-        findings: &'a Findings,
+        /// What the gates say of it; `None` where they are asked after the critics.
+        findings: Option<&'a Findings>,
         /// The critic's own answer that could not be used, and why, where it is asked again.
         unusable: Option<(&'a [u8], &'a str)>,
     },
@@ -262,8 +262,8 @@ pub enum Subject<'a> {
         patch: &'a str,
         /// What the critics said about it.
         reviews: &'a [Review],
-        /// What the gates say of it.
-        findings: &'a Findings,
+        /// What the gates say of it, likewise.
+        findings: Option<&'a Findings>,
     },
     /// An answer that holds no patch.
     Unreadable {
@@ -402,13 +402,13 @@ fn question(task: &Task<'_>, role: Role, slot: &DrawSlot, subject: &Subject<'_>)
         Subject::None => vec![],
         Subject::Review { patch, findings, unusable } => {
             let shown =
-                vec![block("Patch", patch), block("Findings", &dense_json(&findings::for_critic(role, findings), 1))];
+                vec![block("Patch", patch), block("Findings", &dense_json(&findings::for_critic(role, *findings), 1))];
             shown.into_iter().chain(unusable.map(|(reply, refusal)| unreadable(reply, refusal))).collect()
         }
         Subject::Repair { patch, reviews, findings } => vec![
             block("Patch", patch),
             block("Reviews", &dense_json(&objections(reviews), 1)),
-            block("Findings", &dense_json(&findings::for_repair(findings), 1)),
+            block("Findings", &dense_json(&findings::for_repair(*findings), 1)),
         ],
         Subject::Unreadable { reply, refusal } => vec![unreadable(reply, refusal)],
     };

@@ -3,7 +3,8 @@
 //! Each readable patch is run through the gates before its critics are asked: they and the repair are told what the gates
 //! say. A patch goes on if no critic objects and the gates let it through. A critic whose reply is unusable is asked once
 //! more and then abstains: it has no say in the round, and never uses one up. After an unusable reply of the actor or a
-//! repair the round has no patch; the next repair sees the text.
+//! repair the round has no patch; the next repair sees the text. As the paper has it (`[proposals]`), the gates are asked
+//! after the loop, and an unusable review ends it.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -17,7 +18,7 @@ use super::{
 };
 use crate::{
     llm::{Ask, AskError, DraftJudge, ModelSpec, Reply, Tried},
-    objects::{Advice, Exchange, ProgramPatch, Proposal, Review, Role, Round},
+    objects::{Advice, Exchange, GatesAsked, ProgramPatch, Proposal, Review, Role, Round, UnreadableCritic},
 };
 
 /// How the role loop ended.
@@ -71,15 +72,21 @@ pub fn propose<E: From<AgentError>>(task: &Task<'_>, ask: &dyn Ask, check: &Chec
         let last = round == task.max_repair_rounds;
         let next = match &draft {
             Draft::Patch(patch) => {
-                let findings = check(patch)?;
+                let gates_first = task.gates == GatesAsked::BeforeCritics;
+                let findings = gates_first.then(|| check(patch)).transpose()?;
                 let text = task.briefing.patch_text(patch).map_err(AgentError::from)?;
-                let reviews = talk.reviews(round, &text, &findings)?;
-                let end = verdict(patch, &reviews, findings.gates.passed(), last);
+                let (reviews, unreadable) = talk.reviews(round, &text, findings.as_ref())?;
+                let passed = findings.as_ref().is_none_or(|findings| findings.gates.passed());
+                let blocked = unreadable.filter(|_| task.unreadable_critic == UnreadableCritic::Blocks);
+                let end = match blocked {
+                    Some(reason) => Some(End::Declined { reason }),
+                    None => verdict(patch, &reviews, passed, last),
+                };
                 rounds.push(Round { patch: Some(patch.clone()), reviews: reviews.clone() });
                 match end {
                     Some(end) => Err(end),
                     None => {
-                        let subject = Subject::Repair { patch: &text, reviews: &reviews, findings: &findings };
+                        let subject = Subject::Repair { patch: &text, reviews: &reviews, findings: findings.as_ref() };
                         Ok(talk.patch(Role::Repair, round + 1, &subject, check)?)
                     }
                 }
@@ -162,30 +169,43 @@ impl Talk<'_> {
         })
     }
 
-    /// The critics' reviews; who gave no readable one is not among them.
-    fn reviews(&mut self, round: u32, patch: &str, findings: &Findings) -> Result<Vec<Review>, AgentError> {
-        let mut reviews = Vec::with_capacity(self.task.critics.len());
+    /// The critics' reviews, and who gave no readable one: that one is not among them.
+    fn reviews(
+        &mut self,
+        round: u32,
+        patch: &str,
+        findings: Option<&Findings>,
+    ) -> Result<(Vec<Review>, Option<String>), AgentError> {
+        let (mut reviews, mut unreadable) = (Vec::with_capacity(self.task.critics.len()), None);
         for &role in self.task.critics {
-            reviews.extend(self.review(role, round, patch, findings)?);
+            match self.review(role, round, patch, findings)? {
+                Ok(review) => reviews.push(review),
+                Err(refusal) => {
+                    unreadable = unreadable.or(Some(format!("no readable review by {}: {refusal}", role.name())))
+                }
+            }
         }
-        Ok(reviews)
+        Ok((reviews, unreadable))
     }
 
-    /// One critic's review. An unusable answer is shown to the critic once more; after another one it abstains.
+    /// One critic's review. An unusable answer is shown to the critic once more, where it may abstain after another one.
     fn review(
         &mut self,
         role: Role,
         round: u32,
         patch: &str,
-        findings: &Findings,
-    ) -> Result<Option<Review>, AgentError> {
+        findings: Option<&Findings>,
+    ) -> Result<Result<Review, Refusal>, AgentError> {
         let read = |bytes: &[u8]| reply::review(bytes, role);
         let (reply, first) =
             self.exchange(role, round, &Subject::Review { patch, findings, unusable: None }, None, read)?;
-        let Err(refusal) = first else { return Ok(first.ok()) };
+        let Err(refusal) = &first else { return Ok(first) };
+        if self.task.unreadable_critic == UnreadableCritic::Blocks {
+            return Ok(first);
+        }
         let unusable = Some((reply.bytes.as_slice(), refusal.0.as_str()));
         let (_, second) = self.exchange(role, round, &Subject::Review { patch, findings, unusable }, None, read)?;
-        Ok(second.ok())
+        Ok(second)
     }
 
     /// Asks, reads, records.
@@ -233,7 +253,7 @@ impl<E> DraftJudge for Judged<'_, E> {
             Ok(patch) => patch,
         };
         match (self.check)(&patch) {
-            Ok(findings) => Tried { passes: findings.gates.passed(), says: for_repair(&findings).to_string() },
+            Ok(findings) => Tried { passes: findings.gates.passed(), says: for_repair(Some(&findings)).to_string() },
             Err(error) => {
                 self.failed.borrow_mut().get_or_insert(error);
                 refused("the gates could not be asked; the recording says why when it ends".into())

@@ -12,7 +12,7 @@ use super::{
 use crate::{
     kernel::Digest,
     llm::ModelSpec,
-    objects::{Card, LineageId, Objectives, Program, Role},
+    objects::{Card, GatesAsked, LineageId, Objectives, Program, Role, UnreadableCritic},
 };
 
 /// Which form the questions of a run have. Recorded answers are kept under their questions, so an earlier form stays as it is.
@@ -136,4 +136,8 @@ pub struct Task<'a> {
     pub critics: &'a [Role],
     /// K_r: how many times the patch may be repaired.
     pub max_repair_rounds: u32,
+    /// When the gates judge a patch.
+    pub gates: GatesAsked,
+    /// What becomes of a proposal of which a critic gave no readable review.
+    pub unreadable_critic: UnreadableCritic,
 }

@@ -10,7 +10,7 @@ use super::{
 use crate::{
     kernel::Digest,
     llm::{Ask, AskError, DraftJudge, ModelSpec, Reply, Request},
-    objects::{Advice, GateReport, GateVerdict, ProgramPatch, Role, attempt::Gate},
+    objects::{Advice, GateReport, GateVerdict, GatesAsked, ProgramPatch, Role, UnreadableCritic, attempt::Gate},
 };
 
 /// Answers by role and round; keeps what was asked.
@@ -122,6 +122,16 @@ fn run_of(
     max_repair_rounds: u32,
     gates: &dyn Fn(&ProgramPatch) -> Findings,
 ) -> (Proposed, Vec<Request>) {
+    run_by((GatesAsked::default(), UnreadableCritic::default()), models, answers, max_repair_rounds, gates)
+}
+
+fn run_by(
+    (asked, unreadable): (GatesAsked, UnreadableCritic),
+    models: BTreeMap<Role, ModelSpec>,
+    answers: &[(&'static str, u32, String)],
+    max_repair_rounds: u32,
+    gates: &dyn Fn(&ProgramPatch) -> Findings,
+) -> (Proposed, Vec<Request>) {
     let answers = answers.iter().map(|(role, round, text)| ((*role, *round), text.clone())).collect();
     let table = Table { answers, asked: Mutex::new(vec![]) };
     let (example, target) = (Example::toy(), target());
@@ -133,6 +143,8 @@ fn run_of(
         models: &models,
         critics: &Role::CRITICS,
         max_repair_rounds,
+        gates: asked,
+        unreadable_critic: unreadable,
     };
     let check = |patch: &ProgramPatch| -> Result<Findings, AgentError> { Ok(gates(patch)) };
     let proposed = propose(&task, &table, &check).unwrap();
@@ -244,6 +256,27 @@ fn an_unreadable_critic_is_asked_again_with_its_answer_and_then_abstains_without
         ("attack_critic", 0, review_reply("attack_critic", "reject").to_string()),
     ];
     assert!(matches!(run(&others, 2).0.end, End::Declined { .. }), "the others are heard");
+}
+
+#[test]
+fn an_unreadable_critic_ends_the_proposal_where_it_blocks_and_is_not_asked_again() {
+    let rules = (GatesAsked::BeforeCritics, UnreadableCritic::Blocks);
+    let answers = [("attack_critic", 0, "fine with me".to_string())];
+    let (proposed, asked) = run_by(rules, models(), &answers, 2, &|_| passed());
+    let End::Declined { reason } = &proposed.end else { panic!("{:?}", proposed.end) };
+    assert!(reason.contains("no readable review by attack_critic"), "{reason}");
+    assert_eq!((asked.len(), proposed.proposal.rounds[0].reviews.len()), (5, 3), "the others are heard");
+}
+
+#[test]
+fn gates_that_are_asked_after_the_critics_neither_call_for_a_repair_nor_are_told() {
+    let rules = (GatesAsked::AfterCritics, UnreadableCritic::Abstains);
+    let never = |_: &ProgramPatch| -> Findings { panic!("no gate is asked in the loop") };
+    let (proposed, asked) = run_by(rules, models(), &[], 2, &never);
+    assert!(matches!(proposed.end, End::Patch(_)), "{:?}", proposed.end);
+    assert_eq!(asked.len(), 5, "whom all approve is final");
+    let told = |text: &str| text.contains("asked once the critics approve") && !text.contains("probe_scenes\"");
+    assert!(asked[1..].iter().all(|request| told(&request.messages.last().unwrap().text)));
 }
 
 #[test]

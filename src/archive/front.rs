@@ -8,11 +8,11 @@ use super::{
     plane::{self, point},
 };
 use crate::kernel::Digest;
-use crate::objects::{Entry, Objectives, SolutionId};
+use crate::objects::{Entry, Objectives, SolutionId, Ties, is_unsaid};
 
 /// Entries in order of insertion. Only the serial acceptor inserts; everyone else reads.
 ///
-/// Of entries with equal objectives the first stays on the front; later ones are kept and logged as duplicates.
+/// Of entries with equal objectives the first stays on the front, or all of them do; later ones are kept and logged as duplicates.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Archive {
@@ -20,6 +20,8 @@ pub struct Archive {
     /// Ascending places in `entries`.
     front: Vec<usize>,
     duplicates: Vec<Duplicate>,
+    #[serde(default, skip_serializing_if = "is_unsaid")]
+    ties: Ties,
 }
 
 /// A candidate whose objectives the front already held.
@@ -49,6 +51,11 @@ pub enum ArchiveError {
 }
 
 impl Archive {
+    /// One that treats equals so.
+    pub fn with(ties: Ties) -> Archive {
+        Archive { ties, ..Archive::default() }
+    }
+
     /// Adds an evaluated candidate. Its objectives must be finite rates.
     pub fn insert(&mut self, mut entry: Entry) -> Result<Inserted, ArchiveError> {
         entry.objectives = admissible(entry.objectives)
@@ -59,7 +66,7 @@ impl Archive {
         let duplicate_of =
             self.front().find(|other| other.objectives == entry.objectives).map(|other| other.solution.clone());
         let dominated = self.front().any(|other| other.objectives.dominates(&entry.objectives));
-        let on_front = !dominated && duplicate_of.is_none();
+        let on_front = !dominated && (duplicate_of.is_none() || self.ties == Ties::All);
         let displaced = if on_front { self.displace(&entry) } else { Vec::new() };
         if let Some(of) = &duplicate_of {
             self.duplicates.push(Duplicate { solution: entry.solution.clone(), of: of.clone() });
@@ -106,7 +113,10 @@ impl Archive {
             front.push(place);
         }
         let points: Vec<[f64; 2]> = front.iter().map(|place| point(&self.entries[*place].objectives)).collect();
-        let stays = plane::non_dominated(&points);
+        let stays = match self.ties {
+            Ties::First => plane::non_dominated(&points),
+            Ties::All => plane::non_dominated_with_copies(&points),
+        };
         self.front = front.into_iter().zip(stays).filter(|(_, stays)| *stays).map(|(place, _)| place).collect();
         Ok(())
     }
@@ -220,6 +230,23 @@ mod tests {
         assert_eq!(archive.front().map(|e| e.solution.as_str()).collect::<Vec<_>>(), ["s0"]);
         assert_eq!(archive.duplicates(), [Duplicate { solution: SolutionId::new("s1"), of: SolutionId::new("s0") }]);
         assert_eq!(archive.entries().len(), 3);
+    }
+
+    #[test]
+    fn equals_stand_on_the_front_together_where_ties_say_so_also_when_it_is_measured_anew() {
+        let mut archive = Archive::with(Ties::All);
+        for (name, at) in [("a", [0.5, 0.5]), ("b", [0.5, 0.5]), ("c", [0.2, 0.2])] {
+            archive.insert(entry(name, at)).unwrap();
+        }
+        let on_front = |archive: &Archive| archive.front().map(|e| e.solution.to_string()).collect::<Vec<_>>();
+        assert_eq!((on_front(&archive), archive.duplicates().len()), (vec!["a".to_string(), "b".into()], 1));
+        let fresh = ["a", "b"].map(|name| (SolutionId::new(name), objectives([0.4, 0.6])));
+        archive.relabel(&BTreeMap::from(fresh.clone()), Digest::of_bytes(b"more")).unwrap();
+        assert_eq!(on_front(&archive), ["a", "b"]);
+        let mut first = archive_of(&[[0.5, 0.5], [0.6, 0.4]]);
+        let names = ["s0", "s1"].map(|name| (SolutionId::new(name), objectives([0.4, 0.6])));
+        first.relabel(&BTreeMap::from(names), Digest::of_bytes(b"more")).unwrap();
+        assert_eq!(on_front(&first), ["s0"]);
     }
 
     #[test]

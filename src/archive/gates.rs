@@ -12,7 +12,10 @@ use super::{
     plane::hypervolume,
     promotion::PromotionRule,
 };
-use crate::objects::{AcceptanceGates, CoverageFloor, Densification, Difference, LocalPush, ParentTradeoff, Score};
+use crate::objects::{
+    AcceptanceGates, AcceptanceRequirement, CoverageFloor, Densification, Difference, FrontOf, JudgedOn, LocalPush,
+    ParentTradeoff, Required, Score, Ties, is_unsaid,
+};
 
 /// What the gates compare with. Comes from the experiment file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,6 +44,52 @@ pub struct ArchiveOptions {
     /// takes. Without it whoever was accepted may lead.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub race: Option<f64>,
+    /// What a child must do besides what a gate asks.
+    #[serde(default, skip_serializing_if = "Required::is_unsaid")]
+    pub requires: Required<AcceptanceRequirement>,
+    /// Whose points the front is made of.
+    #[serde(default, skip_serializing_if = "is_unsaid")]
+    pub front: FrontOf,
+    /// On which scenes a child is compared.
+    #[serde(default, skip_serializing_if = "is_unsaid")]
+    pub judged_on: JudgedOn,
+    /// Which of equals stand on the front.
+    #[serde(default, skip_serializing_if = "is_unsaid")]
+    pub ties: Ties,
+    /// Whether every third slot edits another member of the front than the leader. The paper has one active parent.
+    #[serde(default = "yes", skip_serializing_if = "is_yes")]
+    pub portfolio: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
+fn is_yes(value: &bool) -> bool {
+    *value
+}
+
+impl Default for ArchiveOptions {
+    /// Every measured gain counts, nothing is a floor, and every rule is the one of a file that does not name it.
+    fn default() -> ArchiveOptions {
+        ArchiveOptions {
+            reference: [0.0; 2],
+            r0: 1.0,
+            a0: 1.0,
+            epsilon_r: 0.0,
+            epsilon_a: 0.0,
+            epsilon_pf: 1.0,
+            level: 0.5,
+            coverage_floor: 0.0,
+            promotion: PromotionRule::LargestHypervolumeGain,
+            race: None,
+            requires: Required::default(),
+            front: FrontOf::default(),
+            judged_on: JudgedOn::default(),
+            ties: Ties::default(),
+            portfolio: true,
+        }
+    }
 }
 
 /// An option of the archive that cannot be obeyed.
@@ -82,8 +131,45 @@ impl ArchiveOptions {
                 "none beside promotion = \"two_anchors\", whose leaders are no gain over one parent",
             )?;
         }
+        if let Some((option, value, expected)) = self.contradiction() {
+            check(option, value, false, expected)?;
+        }
         let positive = self.epsilon_pf > 0.0 && self.epsilon_pf <= 1.0;
         check("epsilon_pf", self.epsilon_pf, positive, "a number in (0, 1]")
+    }
+}
+
+impl ArchiveOptions {
+    /// Two options of which one takes away what the other rests on: the one, its value, and what to do.
+    fn contradiction(&self) -> Option<(&'static str, f64, &'static str)> {
+        let (race, all) = (self.race, self.front == FrontOf::Evaluated);
+        let window = self.judged_on == JudgedOn::Window;
+        match race {
+            Some(level) if window => Some((
+                "race",
+                level,
+                "none beside judged_on = \"window\": a race compares with the parent's labels on all windows so far, which there are none of \
+                 then; remove race, or judge on \"window_then_all\"",
+            )),
+            _ if all && self.level > 0.5 => Some((
+                "level",
+                self.level,
+                "0.5 beside front = \"evaluated\": a front of all that was measured cannot ask how sure a gain is; lower level, or take \
+                 front = \"accepted\"",
+            )),
+            _ if all && self.coverage_floor > 0.0 => Some((
+                "coverage_floor",
+                self.coverage_floor,
+                "0 beside front = \"evaluated\": who falls below the floor would stand on the front; set it to 0, or take front = \"accepted\"",
+            )),
+            _ if all && !window => Some((
+                "judged_on (absent: window_then_all)",
+                0.0,
+                "\"window\" beside front = \"evaluated\": whom no gate accepted has no labels beyond its window, so its point would lie \
+                 on other scenes than the rest; judge on the window, or take front = \"accepted\"",
+            )),
+            _ => None,
+        }
     }
 }
 
@@ -121,6 +207,7 @@ pub fn consider(
         parent_tradeoff: parent_tradeoff(&panel, options),
         coverage: coverage_floor(&panel, options),
         differing_scenes: panel.differing(CHILD, PARENT),
+        may_do_as_parent: !options.requires.has(AcceptanceRequirement::Differs),
         scenes: panel.scenes(),
         ..AcceptanceGates::default()
     })
@@ -204,7 +291,8 @@ fn parent_tradeoff(panel: &Panel<'_>, options: &ArchiveOptions) -> ParentTradeof
 fn coverage_floor(panel: &Panel<'_>, options: &ArchiveOptions) -> CoverageFloor {
     let (coverage, parent) = (panel.means(CHILD).coverage, panel.means(PARENT).coverage);
     let floor = options.coverage_floor * parent;
-    CoverageFloor { holds: coverage > 0.0 && coverage >= floor, coverage, parent, floor }
+    let acts = coverage > 0.0 || !options.requires.has(AcceptanceRequirement::Acts);
+    CoverageFloor { holds: acts && coverage >= floor, coverage, parent, floor }
 }
 
 #[cfg(test)]
@@ -212,7 +300,7 @@ mod tests {
     use super::super::paired::MeanOverScenes;
     use super::super::paired::samples::{alike, scenes};
     use super::*;
-    use crate::objects::Objectives;
+    use crate::objects::{Objectives, RealismMean};
 
     fn options() -> ArchiveOptions {
         ArchiveOptions {
@@ -224,13 +312,12 @@ mod tests {
             epsilon_pf: 1e-9,
             level: 0.8,
             coverage_floor: 0.8,
-            promotion: PromotionRule::LargestHypervolumeGain,
-            race: None,
+            ..ArchiveOptions::default()
         }
     }
 
     fn judged(child: &Score, parent: &Score, front: &[&Score]) -> AcceptanceGates {
-        consider(&Standing { child, parent, front }, &options(), &MeanOverScenes).unwrap()
+        consider(&Standing { child, parent, front }, &options(), &MeanOverScenes::default()).unwrap()
     }
 
     /// Programs whose labels are the same in every scene, so that nothing is uncertain.
@@ -376,7 +463,7 @@ mod tests {
             for objectives in [Objectives { attack: bad, realism: 0.5 }, Objectives { attack: 0.5, realism: bad }] {
                 let child = Score { objectives, ..alike([0.5; 2]) };
                 let standing = Standing { child: &child, parent: &alike([0.5; 2]), front: &[] };
-                assert!(consider(&standing, &options(), &MeanOverScenes).is_err());
+                assert!(consider(&standing, &options(), &MeanOverScenes::default()).is_err());
             }
         }
         let zero = admissible(Objectives { attack: -0.0, realism: 0.0 }).unwrap();
@@ -391,5 +478,58 @@ mod tests {
         assert_eq!(named(ArchiveOptions { level: 1.0, ..options() }), "level");
         assert_eq!(named(ArchiveOptions { coverage_floor: 1.5, ..options() }), "coverage_floor");
         assert_eq!(options().validate(), Ok(()));
+    }
+
+    /// The gates of a child beside a parent that stands on the front, with these options.
+    fn by(options: &ArchiveOptions, child: &Score, parent: &Score) -> AcceptanceGates {
+        consider(&Standing { child, parent, front: &[parent] }, options, &MeanOverScenes::default()).unwrap()
+    }
+
+    #[test]
+    fn who_acts_nowhere_or_has_its_parents_labels_is_accepted_where_that_is_not_asked_for() {
+        let open = ArchiveOptions { level: 0.5, coverage_floor: 0.0, ..options() };
+        let plain = MeanOverScenes { mean: RealismMean::Plain };
+        let (idle, parent) = (scenes(&[(1.0, 1.0, false); 20]), scenes(&[(0.0, 0.9, true); 20]));
+        let standing = Standing { child: &idle, parent: &parent, front: &[&parent] };
+        let any = |requires: Required<AcceptanceRequirement>| {
+            consider(&standing, &ArchiveOptions { requires, ..open.clone() }, &plain).unwrap().any()
+        };
+        assert!(!any(Required::default()) && !any(Required::only([AcceptanceRequirement::Acts])));
+        assert!(
+            any(Required::only([AcceptanceRequirement::Differs])),
+            "by the plain mean it is the more realistic one"
+        );
+        let same = |requires| {
+            let mut gates = by(&ArchiveOptions { requires, ..open.clone() }, &parent, &parent);
+            // A gate that holds all the same, as one by other scenes may.
+            gates.parent_tradeoff.holds = true;
+            gates.any()
+        };
+        assert!(!same(Required::default()) && same(Required::only([AcceptanceRequirement::Acts])));
+    }
+
+    #[test]
+    fn options_that_take_away_what_others_rest_on_are_refused_with_both_names() {
+        let published = ArchiveOptions {
+            level: 0.5,
+            coverage_floor: 0.0,
+            front: FrontOf::Evaluated,
+            judged_on: JudgedOn::Window,
+            ..options()
+        };
+        assert_eq!(published.validate(), Ok(()));
+        let cases = [
+            (ArchiveOptions { level: 0.8, ..published.clone() }, ["level", "front = \"evaluated\""]),
+            (ArchiveOptions { coverage_floor: 0.1, ..published.clone() }, ["coverage_floor", "front = \"evaluated\""]),
+            (
+                ArchiveOptions { judged_on: JudgedOn::WindowThenAll, ..published.clone() },
+                ["judged_on", "front = \"evaluated\""],
+            ),
+            (ArchiveOptions { race: Some(0.9), ..published.clone() }, ["race", "judged_on = \"window\""]),
+        ];
+        for (options, names) in cases {
+            let said = options.validate().unwrap_err().to_string();
+            assert!(names.iter().all(|name| said.contains(name)), "{said}");
+        }
     }
 }

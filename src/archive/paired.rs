@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use crate::kernel::num;
-use crate::objects::{Difference, RealismSums, SceneScore, Score};
+use crate::objects::{Difference, RealismMean, RealismSums, SceneScore, Score};
 
 /// A difference of means below this is rounding, 1.
 const ROUNDING: f64 = 1e-12;
@@ -104,23 +104,26 @@ impl<'s> Panel<'s> {
 /// MetaDrive's protocol: attack is the mean over all scenes, realism as [`RealismSums`] has it, coverage the share of
 /// scenes acted in.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct MeanOverScenes;
+pub struct MeanOverScenes {
+    /// What realism is a mean of.
+    pub mean: RealismMean,
+}
 
 impl Measure for MeanOverScenes {
     fn account(&self, scenes: &[&SceneScore]) -> Account {
         let (attack, count) = (num::sum(scenes.iter().map(|scene| scene.attack)), scenes.len());
         let realism = RealismSums::of(scenes.iter().copied());
-        let without = |scene: &&SceneScore| means(attack - scene.attack, realism.without(scene), count - 1);
-        Account { whole: means(attack, realism, count), without: scenes.iter().map(without).collect() }
+        let without = |scene: &&SceneScore| means(attack - scene.attack, realism.without(scene), count - 1, self.mean);
+        Account { whole: means(attack, realism, count, self.mean), without: scenes.iter().map(without).collect() }
     }
 }
 
 /// Of sums over `count` scenes.
-fn means(attack: f64, realism: RealismSums, count: usize) -> Means {
+fn means(attack: f64, realism: RealismSums, count: usize, mean: RealismMean) -> Means {
     let scenes = count.max(1) as f64;
     Means {
         attack: (attack / scenes).clamp(0.0, 1.0),
-        realism: realism.realism(),
+        realism: realism.realism(mean),
         coverage: realism.acted() as f64 / scenes,
     }
 }
@@ -172,6 +175,7 @@ pub(super) mod samples {
             scenes: labels.iter().enumerate().map(scene).collect(),
             failures: vec![],
             benchmark: None,
+            rules: Default::default(),
         }
     }
 
@@ -189,7 +193,7 @@ mod tests {
     #[test]
     fn realism_is_of_the_scenes_acted_in_and_its_error_follows_the_ratio() {
         let score = scenes(&[(0.0, 0.5, true), (1.0, 1.0, true), (0.0, 1.0, false), (0.0, 1.0, false)]);
-        let panel = Panel::of(&[&score], &MeanOverScenes);
+        let panel = Panel::of(&[&score], &MeanOverScenes::default());
         assert_eq!(panel.means(0), Means { attack: 0.25, realism: Some(0.75), coverage: 0.5 });
         // Left out one by one: 1, 0.5, 0.75, 0.75; mean 0.75, squares 2 * 0.0625, times 3/4.
         let realism = panel.difference(|means| means(0).realism.unwrap_or(0.0));
@@ -204,14 +208,14 @@ mod tests {
             scenes(&labels)
         };
         let (honest, diluted) = (program(0.9), program(0.999));
-        let panel = Panel::of(&[&honest, &diluted], &MeanOverScenes);
+        let panel = Panel::of(&[&honest, &diluted], &MeanOverScenes::default());
         let (honest, diluted) = (panel.means(0).realism.unwrap(), panel.means(1).realism.unwrap());
         assert!((honest - 0.7).abs() < 1e-12 && (diluted - honest).abs() < 1e-12, "{honest} {diluted}");
         let gain = panel.difference(|means| means(1).realism.unwrap_or(0.0) - means(0).realism.unwrap_or(0.0));
         assert!(!is_shown(&gain, 0.8), "{gain:?}");
         // Where the rest is the worse part, it is the rest that counts.
         let rough = program(0.5);
-        let rough = Panel::of(&[&rough], &MeanOverScenes).means(0).realism.unwrap();
+        let rough = Panel::of(&[&rough], &MeanOverScenes::default()).means(0).realism.unwrap();
         assert!((rough - (1.4 + 9.0) / 20.0).abs() < 1e-12, "{rough}");
     }
 

@@ -21,7 +21,6 @@ pub fn pf_area_pct(parents: &[Objectives], descendants: &[Objectives], k: usize,
 #[cfg(test)]
 mod tests {
     use super::super::front::samples::objectives;
-    use super::super::promotion::PromotionRule;
     use super::*;
 
     fn area(parents: &[[f64; 2]], descendants: &[[f64; 2]], k: usize) -> f64 {
@@ -35,8 +34,7 @@ mod tests {
             epsilon_pf: 1e-3,
             level: 0.8,
             coverage_floor: 0.8,
-            promotion: PromotionRule::LargestHypervolumeGain,
-            race: None,
+            ..ArchiveOptions::default()
         };
         pf_area_pct(&all(parents), &all(descendants), k, &options)
     }

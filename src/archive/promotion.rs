@@ -38,15 +38,17 @@ impl Leaders {
 }
 
 /// Applies a rule. `front` is the front as the epoch found it, `parents` the programs that it edited, `accepted` its accepted
-/// children in slot order, all measured on the same scenes. Whoever acts nowhere never leads.
+/// children in slot order, all measured on the same scenes. Whoever acts nowhere never leads where acting is asked for.
 pub fn promote(
     rule: PromotionRule,
     front: &[Contender],
     parents: &[Contender],
     accepted: &[Contender],
-    reference: [f64; 2],
+    (reference, must_act): ([f64; 2], bool),
 ) -> Option<Leaders> {
-    let acting = |of: &[Contender]| of.iter().filter(|contender| contender.coverage > 0.0).cloned().collect::<Vec<_>>();
+    let acting = |of: &[Contender]| {
+        of.iter().filter(|contender| contender.coverage > 0.0 || !must_act).cloned().collect::<Vec<_>>()
+    };
     let (front, parents, accepted) = (acting(front), acting(parents), acting(accepted));
     match rule {
         PromotionRule::LargestHypervolumeGain => {
@@ -107,7 +109,7 @@ mod tests {
         accepted: &[(&str, [f64; 2])],
     ) -> Option<(String, Option<String>)> {
         let parents = contenders(&[("parent", parent)]);
-        let found = promote(rule, &parents, &parents, &contenders(accepted), [0.0; 2])?;
+        let found = promote(rule, &parents, &parents, &contenders(accepted), ([0.0; 2], true))?;
         Some((found.active.0, found.realism_anchor.map(|anchor| anchor.0)))
     }
 
@@ -161,13 +163,15 @@ mod tests {
             let parents = contenders(&[("parent", [0.5, 0.9])]);
             let mut null = contenders(&[("null", [0.6, 1.0])]);
             null[0].coverage = 0.0;
-            let led = promote(rule, &parents, &parents, &null, [0.0; 2]);
+            let led = promote(rule, &parents, &parents, &null, ([0.0; 2], true));
             assert!(
                 led.is_none_or(
                     |led| led.active.as_str() == "parent" && led.realism_anchor.is_none_or(|a| a == led.active)
                 ),
                 "{rule:?}"
             );
+            let led = promote(rule, &parents, &parents, &null, ([0.0; 2], false)).unwrap();
+            assert_eq!(led.active.as_str(), "null", "{rule:?}, where acting is not asked for");
         }
     }
 }

@@ -5,12 +5,13 @@
 //! The paper names the two numbers, not the rule. Ours: among candidates with R >= `realism_min`, those whose attack
 //! is at least (1 - `tolerance`) times the largest such attack are as good as tied, and of these the most realistic
 //! one is taken; then larger attack, then the earlier one. Where nobody reaches `realism_min`, the most realistic one
-//! is taken, then larger attack, then the earlier one.
+//! is taken, then larger attack, then the earlier one. Two of the paper's twenty rows contradict that, and one contradicts
+//! the other reading, the largest attack with R >= `realism_min`: `rule = "best_attack"`.
 
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 
-use crate::objects::{Objectives, SolutionId};
+use crate::objects::{Objectives, ReportedBy, SolutionId, is_unsaid};
 
 /// Numbers of the realism-constrained rule. Come from the experiment file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,9 +25,41 @@ pub struct SelectorOptions {
     /// generator: one point of a front says little.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub also_at: Option<[f64; 2]>,
+    /// Whom of those realistic enough it takes.
+    #[serde(default, skip_serializing_if = "is_unsaid")]
+    pub rule: ReportedBy,
+    /// Whether whoever acts nowhere is no contender. The paper does not say so.
+    #[serde(default = "yes", skip_serializing_if = "is_yes")]
+    pub must_act: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
+fn is_yes(value: &bool) -> bool {
+    *value
 }
 
 impl SelectorOptions {
+    /// The rule of a file that names these two numbers alone.
+    pub const fn at(realism_min: f64, tolerance: f64) -> SelectorOptions {
+        SelectorOptions { realism_min, tolerance, also_at: None, rule: ReportedBy::Tolerance, must_act: true }
+    }
+
+    /// Whether a program of this coverage may be reported.
+    pub fn admits(&self, coverage: f64) -> bool {
+        coverage > 0.0 || !self.must_act
+    }
+
+    /// The share of the best attack that counts as tied with it.
+    pub fn tied_share(&self) -> f64 {
+        match self.rule {
+            ReportedBy::Tolerance => 1.0 - self.tolerance,
+            ReportedBy::BestAttack => 1.0,
+        }
+    }
+
     /// The values of `realism_min` that are reported beside the active generator's, and that one, in rising order; empty
     /// where no further ones are declared.
     pub fn floors(&self) -> Vec<f64> {
@@ -90,7 +123,7 @@ impl Selection {
 
 /// The first `k` by the rule, each chosen from those that are left. Whoever acts nowhere is none of them.
 pub fn first_by_rule(mut contenders: Vec<Contender>, k: usize, options: &SelectorOptions) -> Vec<SolutionId> {
-    contenders.retain(|contender| contender.coverage > 0.0);
+    contenders.retain(|contender| options.admits(contender.coverage));
     let mut first = Vec::new();
     while let Some(next) = select_active(&contenders, options).filter(|_| first.len() < k) {
         contenders.retain(|contender| contender.solution != next.solution);
@@ -102,13 +135,13 @@ pub fn first_by_rule(mut contenders: Vec<Contender>, k: usize, options: &Selecto
 /// Applies the rule to contenders in their fixed order (the parent first). Whoever acts nowhere is no contender, but the
 /// parent stays where nobody else is left. `None` of nobody.
 pub fn select_active(contenders: &[Contender], options: &SelectorOptions) -> Option<Selection> {
-    let acting: Vec<Contender> = contenders.iter().filter(|c| c.coverage > 0.0).cloned().collect();
+    let acting: Vec<Contender> = contenders.iter().filter(|c| options.admits(c.coverage)).cloned().collect();
     let contenders = if acting.is_empty() { &contenders[..contenders.len().min(1)] } else { acting.as_slice() };
     let eligible: Vec<&Contender> = contenders.iter().filter(|c| c.objectives.realism >= options.realism_min).collect();
     let attack_best = eligible.iter().map(|c| c.objectives.attack).reduce(f64::max);
     let (rule, tied) = match attack_best {
         Some(best) => {
-            let floor = (1.0 - options.tolerance) * best;
+            let floor = options.tied_share() * best;
             let tied = eligible.iter().copied().filter(|c| c.objectives.attack >= floor).collect();
             (SelectionRule::RealismConstrained, tied)
         }
@@ -140,7 +173,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const PAPER: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05, also_at: None };
+    const PAPER: SelectorOptions = SelectorOptions::at(0.95, 0.05);
 
     fn contenders(points: &[[f64; 2]]) -> Vec<Contender> {
         let one = |(i, p): (usize, &[f64; 2])| Contender {
@@ -186,6 +219,24 @@ mod tests {
         all[0].coverage = 0.0;
         assert_eq!(select_active(&all, &PAPER).unwrap().solution.as_str(), "s0", "the parent stays where nobody acts");
         assert_eq!(select_active(&all[..0], &PAPER), None);
+        let open = SelectorOptions { must_act: false, ..PAPER };
+        let (idle, parent) =
+            (Contender { coverage: 0.0, ..all[1].clone() }, Contender { coverage: 1.0, ..all[0].clone() });
+        let both = [parent, idle];
+        assert_eq!(select_active(&both, &open).unwrap().solution.as_str(), "s1", "where acting is not asked for");
+        assert_eq!(first_by_rule(both.to_vec(), 2, &open).len(), 2);
+    }
+
+    #[test]
+    fn by_the_best_attack_the_tolerance_means_nothing() {
+        let strongest = SelectorOptions { rule: ReportedBy::BestAttack, ..PAPER };
+        let all = contenders(&[[0.80, 0.95], [0.77, 0.99], [0.80, 0.96], [0.90, 0.94]]);
+        assert_eq!(select_active(&all, &PAPER).unwrap().solution.as_str(), "s1");
+        assert_eq!(
+            select_active(&all, &strongest).unwrap().solution.as_str(),
+            "s2",
+            "of equals the more realistic one"
+        );
     }
 
     proptest! {

@@ -9,8 +9,8 @@ use super::under::Under;
 use crate::ego::Policy;
 use crate::kernel::Seed;
 use crate::sim::{
-    Intervention, Outcome, Plant, ReportedError, ReportedRollout, Trace, assess, judge, retraced, rollout_assessed,
-    rollout_traced,
+    Intervention, Outcome, Plant, ReportedError, ReportedRollout, Timeline, Trace, assess, judge, reported_timeline,
+    retraced, rollout_assessed, rollout_explained, rollout_traced,
 };
 
 /// Who simulates the rollouts of a run.
@@ -64,22 +64,52 @@ impl Backend<'_> {
             assess(plant, intervention, driver.as_mut(), &mut outcome)?;
             return Ok((outcome, trace));
         };
-        // Reacting adversaries meet a planner as they are; who has none of their rules is told what they do.
-        let intervention = if options.drives() {
-            unstaged(plant, intervention)?;
-            intervention.clone()
-        } else {
-            lowered(plant, intervention, ego)?
+        asked_of(options, answers, (plant, intervention, ego, drawn), judged)
+    }
+
+    /// The outcome with the motion behind it, and the time line of its contact, where it has one.
+    pub fn explained(
+        &self,
+        plant: &Plant,
+        intervention: &Intervention,
+        ego: &Policy,
+        drawn: (Seed, Under),
+    ) -> Result<(Outcome, Trace, Option<Timeline>), NoOutcome> {
+        let Backend::Other { options, answers } = self.asked(ego)? else {
+            return Ok(rollout_explained(plant, intervention, ego.driver().as_mut())?);
         };
-        let request = Request::new(options, plant, &intervention, ego, drawn).map_err(BackendError::Key)?;
-        match answers.answer(&request)? {
-            Answer::Failed(reason) => Err(NoOutcome::Scene(reason)),
-            Answer::ReportedRollout(rollout) => {
-                if options.drives() {
-                    retraced(plant, &intervention, &rollout).map_err(|error| untrue(&request, &error))?;
-                }
-                judged(&request, &rollout)
+        asked_of(options, answers, (plant, intervention, ego, drawn), |request, rollout| {
+            let (outcome, motion) = judged(request, rollout)?;
+            let driven = as_driven(plant, request.intervention, rollout);
+            let timeline = |contact| reported_timeline(plant, &driven, rollout, (request.replays, contact));
+            let timeline = outcome.contact.as_ref().map(timeline).transpose();
+            Ok((outcome, motion, timeline.map_err(|error| untrue(request, &error))?))
+        })
+    }
+}
+
+/// What becomes of another simulator's answer, or a planner's drive, in a scene.
+fn asked_of<T>(
+    options: &BackendOptions,
+    answers: &dyn Answers,
+    (plant, intervention, ego, drawn): (&Plant, &Intervention, &Policy, (Seed, Under)),
+    then: impl FnOnce(&Request<'_>, &ReportedRollout) -> Result<T, NoOutcome>,
+) -> Result<T, NoOutcome> {
+    // Reacting adversaries meet a planner as they are; who has none of their rules is told what they do.
+    let intervention = if options.drives() {
+        unstaged(plant, intervention)?;
+        intervention.clone()
+    } else {
+        lowered(plant, intervention, ego)?
+    };
+    let request = Request::new(options, plant, &intervention, ego, drawn).map_err(BackendError::Key)?;
+    match answers.answer(&request)? {
+        Answer::Failed(reason) => Err(NoOutcome::Scene(reason)),
+        Answer::ReportedRollout(rollout) => {
+            if options.drives() {
+                retraced(plant, &intervention, &rollout).map_err(|error| untrue(&request, &error))?;
             }
+            then(&request, &rollout)
         }
     }
 }

@@ -2,6 +2,7 @@
 
 mod arimo;
 mod axes;
+mod browse;
 mod drawing;
 mod figure;
 mod figure_pdf;
@@ -15,6 +16,7 @@ mod strip;
 mod svg;
 
 pub use axes::{Axes, Scale, tick_text};
+pub use browse::{Card, Plan, browse_html};
 pub use drawing::{Actor, Contact, Drawing, DrawnLight, LineStyle, RoadLine, Role, role_of};
 pub use figure::{
     Anchor, BLACK, BLUE, Figure, GREEN, GREY, Ink, LIGHT, Mark, ORANGE, PURPLE, Rgb, SKY, Shape, VERMILION, WHITE,

@@ -23,7 +23,7 @@ pub fn players_html(drawings: &[(String, Drawing)], title: &str) -> String {
     players_below("", drawings, title)
 }
 
-/// The same below a piece of HTML.
+/// The same below a piece of HTML, in which a button with `data-play` chooses the drawing of that place.
 pub fn players_below(above: &str, drawings: &[(String, Drawing)], title: &str) -> String {
     let choice = "<p><label>Scene <select id=\"choice\"></select></label></p>\n";
     let mount = "const all = JSON.parse(document.getElementById(\"drawing\").textContent);\n\
@@ -31,7 +31,9 @@ pub fn players_below(above: &str, drawings: &[(String, Drawing)], title: &str) -
                  all.forEach(([line], k) => choice.append(new Option(line, k)));\n\
                  let shown = null;\n\
                  const show = () => { if (shown) shown.destroy(); shown = EvoPlayer.mount(player, all[choice.value][1], { fill: true }); };\n\
-                 choice.addEventListener(\"change\", show);\nif (all.length) show();";
+                 choice.addEventListener(\"change\", show);\nif (all.length) show();\n\
+                 document.addEventListener(\"click\", ({ target }) => { if (target.dataset.play === undefined) return;\n\
+                 choice.value = target.dataset.play; show(); player.scrollIntoView({ behavior: \"smooth\" }); });";
     page(title, &format!("{above}{choice}"), &script_json(drawings), mount)
 }
 

@@ -3,6 +3,7 @@
 pub mod arrays;
 pub mod checkpoint;
 mod four_numbers;
+pub mod frenet;
 pub mod idm;
 pub mod learned;
 pub mod network;

@@ -5,6 +5,7 @@ use std::str::FromStr;
 use crate::kernel::Digest;
 use crate::sim::Driver;
 
+use super::frenet::{self, FrenetDriver};
 use super::idm::IdmDriver;
 use super::learned::LearnedDriver;
 use super::pdm::{self, PdmDriver};
@@ -20,6 +21,8 @@ pub enum Policy {
     IdmMindingLights,
     /// PDM-Closed with its published constants.
     Pdm,
+    /// Frenet sampling, as CommonRoad's reactive planner does it.
+    Frenet,
     /// The ego's recorded motion.
     Replay,
     /// A network with frozen weights.
@@ -32,7 +35,7 @@ pub enum Policy {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PolicyError {
     /// The name is not known.
-    #[error("no ego policy is called {0:?}; there are idm, idm-lights, pdm, replay, learned, command")]
+    #[error("no ego policy is called {0:?}; there are idm, idm-lights, pdm, frenet, replay, learned, command")]
     Unknown(String),
     /// A learned policy was named without its weights.
     #[error("the ego policy `learned` needs its weights; name a file of policies/")]
@@ -50,6 +53,7 @@ impl FromStr for Policy {
             "idm" => Ok(Policy::Idm),
             "idm-lights" => Ok(Policy::IdmMindingLights),
             "pdm" => Ok(Policy::Pdm),
+            "frenet" => Ok(Policy::Frenet),
             "replay" => Ok(Policy::Replay),
             "learned" => Err(PolicyError::NoWeights),
             "command" => Err(PolicyError::NoProgram),
@@ -60,7 +64,7 @@ impl FromStr for Policy {
 
 impl Policy {
     /// The names that say all.
-    pub const NAMES: [&str; 4] = ["idm", "idm-lights", "pdm", "replay"];
+    pub const NAMES: [&str; 5] = ["idm", "idm-lights", "pdm", "frenet", "replay"];
 
     /// The policy `learned` with the bytes of a file of weights.
     pub fn learned(bytes: &[u8]) -> Result<Policy, WeightsError> {
@@ -73,6 +77,7 @@ impl Policy {
             Policy::Idm => "idm",
             Policy::IdmMindingLights => "idm-lights",
             Policy::Pdm => "pdm",
+            Policy::Frenet => "frenet",
             Policy::Replay => "replay",
             Policy::Learned(_) => "learned",
             Policy::Command(_) => "command",
@@ -96,6 +101,7 @@ impl Policy {
             Policy::Idm | Policy::Command(_) => Box::new(IdmDriver::new(false)),
             Policy::IdmMindingLights => Box::new(IdmDriver::new(true)),
             Policy::Pdm => Box::new(PdmDriver::new(pdm::PUBLISHED)),
+            Policy::Frenet => Box::new(FrenetDriver::new(frenet::PUBLISHED)),
             Policy::Replay => Box::new(ReplayDriver),
             Policy::Learned(weights) => Box::new(LearnedDriver::new(weights)),
         }

@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
 
+use super::Without;
 use super::tests::{Patience, Ran, carried_out_asking, study, three_families};
 use crate::agents::Questions;
 use crate::epoch::labelling::play::Player;
@@ -133,6 +134,42 @@ fn every_scene_is_told_as_it_came_about() {
     }
     assert!(near_misses > 0, "nothing nearly happened, so nothing was shown");
     assert!(ran.attempts.iter().any(|attempt| attempt.exit.score().is_some()));
+}
+
+/// `text` without what stands from `from` to before `to`, which must be there.
+fn cut(text: &str, from: &str, to: &str) -> String {
+    let (before, behind) = text.split_once(from).unwrap_or_else(|| panic!("no {from:?} in {text}"));
+    before.to_string() + behind.find(to).map(|at| &behind[at..]).unwrap()
+}
+
+#[test]
+fn a_search_without_sight_is_asked_the_same_less_what_the_ego_sees_and_how_it_drives() {
+    let mut experiment = detailed();
+    let told = &RAN.1;
+    let digest = experiment.digest().unwrap();
+    experiment.without = Some(Without { sight: true, ..Without::default() });
+    assert_ne!(experiment.digest().unwrap(), digest);
+    let (ran, untold) = heard(&experiment);
+    assert!(ran.attempts.iter().any(|attempt| attempt.exit.score().is_some()));
+    let mut compared = 0;
+    for request in untold.iter().filter(|of| of.slot.role == "actor" && of.slot.epoch == 0) {
+        let other = told.iter().find(|of| of.slot == request.slot).unwrap();
+        let text = |at: usize| -> &str { &other.messages[at].text };
+        let handbook = cut(&cut(text(0), ", and what the ego heeds", "\n"), "\nEgo: idm follows", "\n\n## Gates");
+        assert_eq!(*request.messages[0].text, handbook);
+        let context = cut(text(1), ": MetaDrive's TrajectoryIDMPolicy", "\"");
+        assert_eq!(*request.messages[1].text, context);
+        assert_eq!(request.messages[2], other.messages[2]);
+        let task =
+            text(3).replace("look at what it sees when (`how`), and whom it does not heed", "look at when (`how`)");
+        assert_eq!(*request.messages[3].text, task);
+        compared += 1;
+    }
+    assert!(compared > 5, "{compared}");
+    let everything = untold.iter().flat_map(|of| of.messages.iter()).map(|of| of.text.to_string());
+    for said in ["heed", "whoever is in its path", "1 m of the route", "beside or behind"] {
+        assert!(everything.clone().all(|text| !text.contains(said)), "{said}");
+    }
 }
 
 #[test]

@@ -39,7 +39,8 @@ pub struct Snapshot<'a> {
     pub counsels: Counsels,
     /// Places of the window's scenes in the pool.
     pub window: Vec<usize>,
-    /// Places of all windows up to this one, in the order in which they were opened.
+    /// Places of all windows up to this one, in the order in which they were opened; those of the window alone where the archive judges on
+    /// that.
     pub so_far: Vec<usize>,
     /// Tags that say something about a scene of the window, sorted.
     pub scene_tags: Vec<String>,
@@ -84,7 +85,7 @@ pub fn freeze<'a>(
     spec: &'a LineageSpec,
     tools: &Tools<'_>,
 ) -> Result<Snapshot<'a>, RunError> {
-    let (window, so_far) = (study.window(epoch), study.windows_up_to(epoch));
+    let (window, so_far) = (study.window(epoch), study.judged_on(epoch));
     let counsels = state.counsels.of(&spec.id);
     let labelling = Labelling { study, spec, counsels: &counsels, tools };
     let mut archive = state.archives.get(&spec.id).cloned().unwrap_or_default();
@@ -164,7 +165,7 @@ fn with_portfolio(
     standing: &Standings,
     epoch: u32,
 ) -> Result<Vec<SolutionId>, RunError> {
-    let one_parent = study.rival().is_some() || study.budget.slots < 3;
+    let one_parent = study.rival().is_some() || study.budget.slots < 3 || !study.archive.portfolio;
     if state.lineages.get(&spec.id)?.realism_anchor.is_some() || one_parent {
         return Ok(leaders);
     }
@@ -231,7 +232,7 @@ impl Freezing<'_> {
             parent: &program,
             parent_hash: hash,
             handbook: &self.handbook,
-            ego: briefing::ego_sentence(&spec.ego),
+            ego: briefing::ego_sentence(study, &spec.ego),
             memory: &memory,
             clusters: &shown.clusters,
             parent_outcome: Some(&shown.outcome),
@@ -265,7 +266,7 @@ impl Freezing<'_> {
         let near = encounters::near_misses(score, labelling.tools.rollouts)?;
         outcome.near_misses = Some(near.len());
         let clusters = conflicts::clusters(study, self.conflicts, score, &rows);
-        let seen = Some(Seen::of(&rows, &clusters, &outcome, &study.source(spec)?.contract));
+        let seen = Some(Seen::of(&rows, &clusters, &outcome, &study.source(spec)?.contract, !study.without.sight));
         let window = encounters::with_encounters(labelling, program, score, rows, &near)?;
         Ok(Shown { outcome, clusters, window, seen })
     }

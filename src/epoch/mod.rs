@@ -13,6 +13,8 @@ mod labelling;
 mod open;
 #[cfg(test)]
 mod predicting_tests;
+#[cfg(test)]
+mod rules_tests;
 mod run;
 #[cfg(test)]
 mod search_tests;
@@ -37,7 +39,7 @@ pub use labelling::rollouts::{Mode, Rollouts, TrialRecord, no_label_key, record_
 pub use run::run;
 pub use setting::cost::{Clock, Meter};
 pub use setting::desk::{Desk, Tools};
-pub use setting::options::{CompositionOptions, CounselOptions, Without};
+pub use setting::options::{CompositionOptions, CounselOptions, ProposalOptions, Without};
 pub use setting::progress::Progress;
 pub use setting::questions::{Occasions, asked_at_most, occasion_of};
 pub use setting::study::{Budget, LineageSpec, SceneEntry, Start, Study};

@@ -6,6 +6,7 @@ use super::RunError;
 use super::freeze::freeze;
 use super::state::State;
 use crate::adapters::ADAPTER_VERSION;
+use crate::archive::Archive;
 use crate::epoch::acceptance::consider::parent_entry;
 use crate::epoch::acceptance::rival;
 use crate::epoch::ahead::walk::Walk;
@@ -109,7 +110,8 @@ pub fn adopt(study: &Study, spec: &LineageSpec, state: &mut State, desk: &mut De
     desk.log.append(kind::PARENT, &adopted)?;
     counsel::take(study, spec, &study.evolution, &mut state.counsels, desk)?;
     let first = freeze(study, state, 0, spec, &desk.tools)?;
-    state.archives.entry(spec.id.clone()).or_default().insert(parent_entry(study, &first)?)?;
+    let archive = state.archives.entry(spec.id.clone()).or_insert_with(|| Archive::with(study.archive.ties));
+    archive.insert(parent_entry(study, &first)?)?;
     state.search.extend(rival::begin(study, &first).map(|begun| (spec.id.clone(), begun)));
     Ok(())
 }

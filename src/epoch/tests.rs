@@ -40,7 +40,12 @@ pub(super) fn experiment(promotion: PromotionRule, seeds: u32) -> Experiment {
     experiment.archive.level = 0.5;
     // Every contact counts, so that a few scenes hold attacks enough to compare programs by.
     if let EvaluationOptions::Metadrive(options) = &mut experiment.evaluation {
-        options.attack = AttackOptions { counts: ContactClass::ALL.into(), counts_if_avoidable: [].into(), when: None };
+        options.attack = AttackOptions {
+            counts: ContactClass::ALL.into(),
+            counts_if_avoidable: [].into(),
+            when: None,
+            requires: Default::default(),
+        };
     }
     experiment.seeds = seeds;
     experiment
@@ -380,8 +385,12 @@ fn a_program_that_does_nothing_adds_no_frontier_area_and_is_never_accepted() {
         let after = labelling.score((&null, null.hash().unwrap()), places).unwrap();
         assert!(before.coverage > 0.0 && after.coverage == 0.0);
         let options = &labelling.study.archive;
-        let gates = consider(&Standing { child: &after, parent: &before, front: &[&before] }, options, &MeanOverScenes)
-            .unwrap();
+        let gates = consider(
+            &Standing { child: &after, parent: &before, front: &[&before] },
+            options,
+            &MeanOverScenes::default(),
+        )
+        .unwrap();
         assert!(!gates.any() && !gates.densification.holds && gates.densification.hypervolume_gain == 0.0, "{gates:?}");
         let eligible: Vec<_> = [&after].into_iter().filter(|s| s.coverage > 0.0).map(|s| s.objectives).collect();
         assert_eq!(pf_area_pct(&[before.objectives], &eligible, 3, options), 0.0);

@@ -84,7 +84,11 @@ pub fn evaluate(
     let score = match options {
         EvaluationOptions::Metadrive(options) => {
             let score = |(_, r): &(&SceneRef<'_>, Recorded)| scene_score(&r.record, r.key, r.stored, options);
-            score_of(labelled.iter().map(score).collect(), failed.into_iter().map(|(_, f)| f).collect())
+            score_of(
+                labelled.iter().map(score).collect(),
+                failed.into_iter().map(|(_, f)| f).collect(),
+                options.rules(),
+            )
         }
         EvaluationOptions::Safebench { safebench } => {
             let mut runs: Vec<Grouped<(SceneScore, SafebenchRun)>> = Vec::with_capacity(labelled.len());

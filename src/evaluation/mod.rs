@@ -14,8 +14,8 @@ pub use calibrate::{CalibrationError, calibrate};
 pub use evaluate::{EvaluationError, Labeller, SceneRef, Subject, evaluate, label_one};
 pub use metrics::safebench::{PreventableOptions, SafebenchOptions, StandingOptions};
 pub use metrics::{
-    AttackOptions, AttackOptionsError, Calibration, EvaluationOptions, Limit, Limits, MetadriveOptions, OptionsError,
-    OutcomeFormula, ProtocolError, PublishedReadings, RealismOptions, Weights, outcome_fields,
+    AT_FAULT, AttackOptions, AttackOptionsError, Calibration, EvaluationOptions, Limit, Limits, MetadriveOptions,
+    OptionsError, OutcomeFormula, ProtocolError, PublishedReadings, RealismOptions, Weights, outcome_fields,
 };
 pub use protocol::balanced::balanced;
 pub use protocol::rounds::{SceneArchive, Selecting, StagedRun, group_name, group_points};

@@ -6,7 +6,10 @@ use super::metrics::{MetadriveOptions, attack, realism, safebench::SafebenchOpti
 use super::protocol::safebench::{Group, Runs};
 use super::record::RolloutRecord;
 use crate::kernel::{Digest, num};
-use crate::objects::{Met, Objectives, RealismSums, SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
+use crate::objects::{
+    AttackRequirement, LabelRules, Met, Objectives, RealismSums, Required, SceneFailure, SceneScore, Score,
+    benchmark::SafebenchRun,
+};
 
 /// One scene's labels.
 pub fn scene_score(record: &RolloutRecord, request: Digest, stored: Digest, options: &MetadriveOptions) -> SceneScore {
@@ -64,36 +67,41 @@ pub fn staged_scene_score(
 /// the program has to act in the scene.
 fn may_count(record: &RolloutRecord, options: &MetadriveOptions) -> bool {
     match record.outcome.contact {
-        None if options.attack.when.is_some() => record.outcome.acted(),
-        _ => is_brought_about(record),
+        None if options.attack.when.is_some() => {
+            record.outcome.acted() || !options.attack.requires.has(AttackRequirement::Acts)
+        }
+        _ => is_brought_about(record, &options.attack.requires),
     }
 }
 
 /// Whether the program caused the ego's contact: the road user that the ego met moved differently than recorded, and the ego does
 /// not run into it in plain replay. So it is no success to name a road user and leave it alone, or to nudge one that the ego hits
-/// without the program.
-fn is_brought_about(record: &RolloutRecord) -> bool {
+/// without the program, as far as that is asked for.
+fn is_brought_about(record: &RolloutRecord, requires: &Required<AttackRequirement>) -> bool {
     let Some(contact) = record.outcome.contact else { return false };
     let acted = |with| record.outcome.adversaries.iter().any(|adversary| adversary.actor == with && adversary.acted);
-    record.meets_anyway != Some(contact.with) && acted(contact.with)
+    (record.meets_anyway != Some(contact.with) || !requires.has(AttackRequirement::NotMetAnyway))
+        && (acted(contact.with) || !requires.has(AttackRequirement::Acts))
 }
 
 /// The contact that ended a rollout, as labels keep it.
 fn met(record: &RolloutRecord) -> Option<Met> {
     let contact = record.outcome.contact?;
     let (class, anyway) = (contact.class.name().to_string(), record.meets_anyway == Some(contact.with));
-    Some(Met { adversary: contact.adversary, class, avoidable: contact.avoidable, anyway })
+    let fault = contact.fault.map(|fault| fault.name().to_string());
+    let avoided_by = contact.jury.map(|jury| [jury.avoid(), jury.of()]);
+    Some(Met { adversary: contact.adversary, class, avoidable: contact.avoidable, fault, avoided_by, anyway })
 }
 
 /// F(c) = (A, R) (paper eq. prelim-objectives): attack is the empirical mean over the labelled scenes, realism that over
 /// the scenes among them that the program acts in or, where that is smaller, succeeds in ([`RealismSums`]), and 0 where it
-/// acts in none. `None` if no scene has a label: there is no score without evidence.
-pub fn score_of(scenes: Vec<SceneScore>, failures: Vec<SceneFailure>) -> Option<Score> {
+/// acts in none; the plain mean where the rules say so. `None` if no scene has a label: there is no score without evidence.
+pub fn score_of(scenes: Vec<SceneScore>, failures: Vec<SceneFailure>, rules: LabelRules) -> Option<Score> {
     let mean = |value: fn(&SceneScore) -> f64| num::mean(&scenes.iter().map(value).collect::<Vec<f64>>());
-    let realism = RealismSums::of(&scenes).realism().unwrap_or(0.0);
+    let realism = RealismSums::of(&scenes).realism(rules.mean).unwrap_or(0.0);
     let objectives = Objectives { attack: mean(|s| s.attack)?, realism };
     let (realism_all, coverage) = (mean(|s| s.realism)?, mean(|s| if s.acted { 1.0 } else { 0.0 })?);
-    Some(Score { objectives, realism_all, coverage, scenes, failures, benchmark: None })
+    Some(Score { objectives, realism_all, coverage, scenes, failures, benchmark: None, rules })
 }
 
 /// A label of SafeBench's protocol with the group that it belongs to.
@@ -114,5 +122,6 @@ pub fn benchmark_score(
     let scenes = labelled.into_iter().map(|(_, (scene, _))| scene).collect();
     let failures = failed.into_iter().map(|(_, failure)| failure).collect();
     let (realism_all, coverage) = (share(table.realism_all), share(table.coverage));
-    Some(Score { objectives, realism_all, coverage, scenes, failures, benchmark: Some(Box::new(benchmark)) })
+    let benchmark = Some(Box::new(benchmark));
+    Some(Score { objectives, realism_all, coverage, scenes, failures, benchmark, rules: LabelRules::default() })
 }

@@ -172,11 +172,10 @@ fn contender(of: &Measured) -> Contender {
 }
 
 fn rule(options: &SelectorOptions, realism: &str) -> String {
+    let [least, share] = [options.realism_min, num::rounded(100.0 * (1.0 - options.tied_share()), 6)];
     format!(
-        "{realism} of at least {}, then the best attack; of those within {} % of it the most realistic, then the one with more attack, then \
-         the earlier one",
-        options.realism_min,
-        num::rounded(100.0 * options.tolerance, 6)
+        "{realism} of at least {least}, then the best attack; of those within {share} % of it the most realistic, then the one with more attack, then \
+         the earlier one"
     )
 }
 
@@ -186,7 +185,7 @@ fn standing(of: &Measured, selection: &Selection, options: &SelectorOptions) -> 
     let constrained = selection.rule == SelectionRule::RealismConstrained;
     match () {
         () if of.solution == selection.solution => Standing::Chosen,
-        () if of.coverage <= 0.0 => Standing::ActsNowhere,
+        () if !options.admits(of.coverage) => Standing::ActsNowhere,
         () if constrained && own.realism < options.realism_min => Standing::TooUnrealistic,
         () if constrained && !selection.tied.contains(&of.solution) => Standing::TooWeak,
         () if own.realism < best.realism => Standing::LessRealistic,
@@ -204,14 +203,14 @@ fn reasons(rows: &[Row], selection: &Selection, options: &SelectorOptions, paren
                 "Realistic enough: {} of the {} ({}).",
                 selection.eligible,
                 acting(selection.contenders),
-                names(rows, |row| row.measured.coverage > 0.0
+                names(rows, |row| options.admits(row.measured.coverage)
                     && row.measured.objectives.realism >= options.realism_min)
             ));
             if best <= 0.0 {
                 said.push(attackless(rows, selection, options));
                 return with_parent(said, rows, selection, parent);
             }
-            let floor = num::fixed((1.0 - options.tolerance) * best, 4);
+            let floor = num::fixed(options.tied_share() * best, 4);
             let best = num::fixed(best, 3);
             said.push(match selection.tied.len() {
                 1 => format!("Of these {chosen} has the best attack, {best}; no other one has {floor} or more."),
@@ -222,7 +221,7 @@ fn reasons(rows: &[Row], selection: &Selection, options: &SelectorOptions, paren
                 ),
             });
         }
-        None if rows.iter().all(|row| row.measured.coverage <= 0.0) => {
+        None if rows.iter().all(|row| !options.admits(row.measured.coverage)) => {
             said.push(format!("No program acts in any scene, so there is nothing to choose by: {chosen} is reported."));
         }
         None => said.push(format!(
@@ -248,7 +247,7 @@ fn attackless(rows: &[Row], selection: &Selection, options: &SelectorOptions) ->
         _ => tie_break(rows, selection),
     };
     let below = rows.iter().map(|row| &row.measured);
-    let below = below.filter(|of| of.coverage > 0.0 && of.objectives.realism < options.realism_min);
+    let below = below.filter(|of| options.admits(of.coverage) && of.objectives.realism < options.realism_min);
     // Of equals the first.
     let most = below.reduce(|most, of| if of.objectives.attack > most.objectives.attack { of } else { most });
     let most = most.filter(|of| of.objectives.attack > 0.0).map_or(String::new(), |of| {
@@ -309,7 +308,7 @@ mod tests {
     use super::*;
     use crate::objects::Objectives;
 
-    const PAPER: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05, also_at: None };
+    const PAPER: SelectorOptions = SelectorOptions::at(0.95, 0.05);
 
     /// Rows of points (attack, realism, coverage), the parent first, with the reasons of the choice among them.
     fn standings(points: &[[f64; 3]]) -> (Vec<Standing>, String) {

@@ -6,7 +6,7 @@ use super::credit::{Credit, Gain, in_short};
 use super::lineage_text::shortened;
 use super::recorded_run::RecordedRun;
 use super::tables::{
-    Cell, Column, Estimate, Form, Head, Part, Row, RowKey, Table, TableError, proposers, run_note, run_sources,
+    Cell, Column, Estimate, Form, Head, Part, Row, RowKey, Table, TableError, proposers, run_notes, run_sources,
 };
 
 const NAME: &str = "credit";
@@ -62,7 +62,7 @@ pub fn credits(run: &RecordedRun, credits: &[Credit]) -> Result<Table, TableErro
             ));
         }
     }
-    let notes = vec![
+    let mut notes = vec![
         "With the edits so far: the parent with the edits up to this one minus the parent. Lost without it: the program minus the program without this edit. Alone on the parent: the parent with this edit minus the parent. \
          The shares of edits need not add up to the whole, because edits may need each other or do the same. Realism: over the scenes in \
          which both act."
@@ -70,8 +70,8 @@ pub fn credits(run: &RecordedRun, credits: &[Credit]) -> Result<Table, TableErro
         "In brackets: 95 % percentile bootstrap intervals over held-out scenes, paired by scene. They hold for these programs; another seed \
          of the search may give others."
             .to_string(),
-        run_note(run),
     ];
+    notes.extend(run_notes(std::slice::from_ref(run)));
     Ok(Table {
         name: NAME,
         labels: vec![PROGRAM, EDIT, WHAT, VERDICT],

@@ -25,6 +25,7 @@ pub mod realism;
 pub mod recorded_run;
 pub mod report;
 pub mod tables;
+pub mod timeline_text;
 mod unlabelled;
 pub mod why;
 pub mod world_text;

@@ -6,14 +6,15 @@ use serde::Serialize;
 use super::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::event::LineageResult;
-use crate::objects::{RealismSums, Score, SolutionId};
+use crate::objects::{RealismMean, RealismSums, Score, SolutionId};
 
 /// Both, from the same labels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Realisms {
     /// Mean over the labelled scenes that the program acts in, 0..=1; `None` where it acts in none.
     pub realism_acted: Option<f64>,
-    /// The realism among the objectives, 0..=1; `None` in SafeBench's protocol, whose objective is ARS.
+    /// The smaller one of that and the mean over successes, 0..=1: the realism among the objectives but under the plain mean; `None` in
+    /// SafeBench's protocol, whose objective is ARS.
     pub strict_realism: Option<f64>,
 }
 
@@ -22,7 +23,10 @@ impl Realisms {
     pub fn of(score: &Score) -> Realisms {
         Realisms {
             realism_acted: RealismSums::of(&score.scenes).acted_mean(),
-            strict_realism: score.benchmark.is_none().then_some(score.objectives.realism),
+            strict_realism: score.benchmark.is_none().then(|| match score.rules.mean {
+                RealismMean::Strict => score.objectives.realism,
+                RealismMean::Plain => RealismSums::of(&score.scenes).realism(RealismMean::Strict).unwrap_or(0.0),
+            }),
         }
     }
 }

@@ -14,6 +14,7 @@ use crate::objects::{
     Attempt, Composed, Counselled, LineageId, Role, SceneScore, Score, SolutionId, WorldEvolved,
     event::{Finalist, Frozen, HeldOut, LineageResult, Opened, ParentAdopted, RunResult, Settled, kind},
     program::Program,
+    realism_name,
     replay::Replayed,
 };
 use crate::store::Event;
@@ -93,6 +94,12 @@ pub fn kind_of(label: &str) -> &str {
 }
 
 impl RunEvents {
+    /// What people call the realism among its objectives.
+    pub fn realism_name(&self) -> &'static str {
+        let mean = self.frozen.first().map(|frozen| frozen.parent_score.rules.mean).unwrap_or_default();
+        realism_name(!self.rounds.is_empty(), mean)
+    }
+
     /// Who answered, by role: labels of models. The opening names a model for every role of the experiment; left out are critics where none was
     /// asked, and all who propose where the search drew its patches.
     pub fn models(&self) -> BTreeMap<String, String> {
@@ -139,6 +146,8 @@ pub struct Declared {
     pub planner: Option<String>,
     /// What the archive compared with.
     pub archive: Option<ArchiveOptions>,
+    /// Label of a model -> its `provenance`: who answered, when, how.
+    pub answered: BTreeMap<String, String>,
     pub setting: Setting,
 }
 

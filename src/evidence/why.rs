@@ -11,6 +11,7 @@ use super::recorded_run::RecordedRun;
 use super::tables::{Bases, Basis, Leaf, Piece, Table};
 use crate::kernel::Digest;
 use crate::objects::{Attempt, Exchange, Program, SceneScore, SolutionId};
+use crate::sim::Fault;
 use crate::text::counted;
 
 /// Scenes of a repetition that are named where only they move its number.
@@ -183,6 +184,20 @@ impl Why<'_> {
         (!out.is_empty()).then_some(out)
     }
 
+    /// Whose labels of a scene that the cell rests on have a contact: place of the run, program, and the digest of its rollout's record; each
+    /// once.
+    pub fn contacts(&self, scene: &str) -> Vec<(usize, SolutionId, Digest)> {
+        let mut contacts = Vec::new();
+        for part in self.basis.all().into_iter().flat_map(|basis| &basis.parts) {
+            for solution in part.leaves.iter().filter(|leaf| leaf.name == scene).flat_map(|leaf| &leaf.programs) {
+                let label = self.bases.label(part.run, solution, scene).filter(|label| label.contact.is_some());
+                let of = label.map(|label| (part.run, solution.clone(), label.record));
+                contacts.extend(of.filter(|of| !contacts.contains(of)));
+            }
+        }
+        contacts
+    }
+
     fn labels(&self, out: &mut String, part: &Piece, leaf: &Leaf, long: bool) {
         for solution in &leaf.programs {
             match self.bases.label(part.run, solution, &leaf.name) {
@@ -349,6 +364,12 @@ fn long_label(out: &mut String, solution: &SolutionId, label: &SceneScore, folde
                 out,
                 "    contact: {class}, adversary {adversary}, avoidable {avoidable}, in plain replay too {anyway}"
             );
+            if let Some(fault) = met.fault.as_deref().and_then(Fault::named) {
+                let _ = writeln!(out, "    nuPlan's rule: {}: {}", fault.name(), fault.in_words());
+            }
+            if let Some([avoid, of]) = met.avoided_by {
+                let _ = writeln!(out, "    jury: {avoid} of {of} drivers avoid it");
+            }
         }
     }
     for (name, value) in &label.diagnostics {

@@ -14,6 +14,8 @@ use super::{
 
 /// The key that says how a seed of the file was chosen.
 const SEED_NOTE: &str = "seed_note";
+/// The key that says what the file's experiment is.
+const DESCRIBES: &str = "describes";
 /// Files of one chain of bases.
 const CHAIN_MAX: usize = 8;
 
@@ -87,11 +89,18 @@ pub fn composed_under(path: &Path, assignments: &[String]) -> Result<Composed, E
         layers.push((name, table));
     }
     let mut table = Table::new();
+    let mut below: Option<&String> = None;
     for (name, layer) in layers.iter().rev() {
         // A note on a seed speaks of its own file: a file above it is another experiment, and so is one with another seed.
         if name != set::SET || names_a_seed(layer) {
             table.remove(SEED_NOTE);
         }
+        // So does what describes an experiment: a file that says nothing of its own is not what its base is.
+        if let (true, Some(of_base), Some(base)) = (name != set::SET, table.get_mut(DESCRIBES), below) {
+            let base = Path::new(base).file_name().map_or(base.clone(), |own| own.to_string_lossy().into_owned());
+            *of_base = Value::String(format!("based on {base}"));
+        }
+        below = Some(name);
         merge(&mut table, layer);
     }
     Ok(Composed { table, file: path.to_path_buf(), text: own_text.unwrap_or_default(), inlined, layers })

@@ -5,6 +5,10 @@ use crate::archive::search::Method;
 use crate::ego::Setting;
 use crate::families;
 use crate::llm::client::{ANTHROPIC, COMMAND, DRAWN, EXCHANGE, OPENAI_COMPATIBLE, SCRIPTED};
+use crate::objects::{
+    AcceptanceRequirement, AttackRequirement, FrontOf, GatesAsked, JudgedOn, RealismMean, ReportedBy, Taking, Ties,
+    UnreadableCritic,
+};
 use crate::scene::safebench::TrafficFamily;
 use crate::sim::ContactClass;
 use crate::synth::WorldKind;
@@ -59,13 +63,13 @@ fn family_names() -> Vec<String> {
 
 /// The drivers that a file can name.
 fn ego_names() -> Vec<String> {
-    words(["idm", "idm-lights", "pdm", "replay", "learned", "command"])
+    words(["idm", "idm-lights", "pdm", "frenet", "replay", "learned", "command"])
 }
 
 fn study() -> Vec<Key> {
     let mut keys = required(vec![
         ("name", "", "", Name, "Names the run folder."),
-        ("describes", "", "", Text(500), "One sentence for reports."),
+        ("describes", "", "", Text(500), "One sentence for reports; that of a base is not inherited."),
         (
             "seed",
             "",
@@ -546,6 +550,20 @@ fn of_kind() -> Vec<Key> {
         vec![
             ("simulator.of_kind", "", "", Truth, meaning),
             ("simulator.of_place", "", "", Truth, place),
+            (
+                "simulator.at_fault",
+                "",
+                "",
+                Truth,
+                "Whether outcomes say who is at fault for the ego's contact by nuPlan's rule.",
+            ),
+            (
+                "simulator.jury",
+                "",
+                "",
+                Truth,
+                "Whether labels say which reference drivers of UN R157 would have avoided the ego's contact.",
+            ),
             ("simulator.scripts", "", "", Word(|| words(["as_defined", "as_run"])), scripts),
         ],
     )
@@ -623,13 +641,43 @@ fn metadrive() -> Vec<Key> {
     let weight = "Weight of the diagnostic; all sum to 1.";
     let own = table(
         || Optional,
-        vec![(
-            "evaluation.attack.when",
-            "",
-            "",
-            Text(2000),
-            "An expression over the outcome that decides in place of the two lists; see docs/OBJECTIVES.md.",
-        )],
+        vec![
+            (
+                "evaluation.attack.when",
+                "",
+                "",
+                Text(2000),
+                "An expression over the outcome that decides in place of the two lists; see docs/OBJECTIVES.md.",
+            ),
+            (
+                "evaluation.attack.requires",
+                "",
+                "",
+                Subset(|| words(AttackRequirement::NAMES)),
+                "What a contact needs besides its class: that it is with an adversary, which acts, and not met in plain replay anyway; all without it.",
+            ),
+            (
+                "evaluation.realism.mean",
+                "",
+                "",
+                Word(|| words(RealismMean::NAMES)),
+                "R(c): strict, as without it, or the paper's plain mean over all scenes.",
+            ),
+            (
+                "evaluation.realism.excuses_recordings",
+                "",
+                "",
+                Truth,
+                "Whether an adversary is excused as far as its own recording is poor; true without it.",
+            ),
+            (
+                "evaluation.attack.reading",
+                "",
+                "",
+                Word(|| words(["at_fault"])),
+                "In its place: contacts for which the ego is at fault by nuPlan's rule; needs `simulator.at_fault`.",
+            ),
+        ],
     );
     let measured = table(
         || With("evaluation.metrics"),
@@ -797,6 +845,77 @@ fn acceptance() -> Vec<Key> {
                 "",
                 Number(0.5, 0.999),
                 "Confidence of the gain over its parent that a child must show before it leads, on as many evolution scenes as that takes.",
+            ),
+            (
+                "archive.requires",
+                "",
+                "",
+                Subset(|| words(AcceptanceRequirement::NAMES)),
+                "What a child needs besides a gate: `acts` in some scene, `differs` from its parent's labels; both without it.",
+            ),
+            (
+                "archive.front",
+                "",
+                "",
+                Word(|| words(FrontOf::NAMES)),
+                "Whose points are the front: of accepted programs, as without it, or of all evaluated ones.",
+            ),
+            (
+                "archive.judged_on",
+                "",
+                "",
+                Word(|| words(JudgedOn::NAMES)),
+                "Scenes on which a child is compared: the window, and where a gate holds there all windows so far, which decide; or the window alone. The first without it.",
+            ),
+            (
+                "archive.ties",
+                "",
+                "",
+                Word(|| words(Ties::NAMES)),
+                "Which of equals stand on the front; `first` without it.",
+            ),
+            (
+                "archive.portfolio",
+                "",
+                "",
+                Truth,
+                "Whether every third slot edits another member of the front than the leader; true without it.",
+            ),
+            (
+                "selector.rule",
+                "",
+                "",
+                Word(|| words(ReportedBy::NAMES)),
+                "Who is reported of those with `realism_min`: the most realistic within `tolerance` of the best attack, as without it, or the best attack.",
+            ),
+            ("selector.must_act", "", "", Truth, "Whether whoever acts nowhere is never reported; true without it."),
+            (
+                "memory.taking",
+                "",
+                "",
+                Word(|| words(Taking::NAMES)),
+                "Which scored cards are shown: successes of the front first, half of a kind and one of an attempt at most, as without it; or the M best.",
+            ),
+            (
+                "proposals.effect_gate",
+                "",
+                "",
+                Truth,
+                "Whether a child that does what its parent does on all probe scenes is refused; true without it.",
+            ),
+            (
+                "proposals.gates",
+                "",
+                "",
+                Word(|| words(GatesAsked::NAMES)),
+                "When gates judge a patch: before its critics, who hear of it, with repair of what they refuse, as without it; or once, after them.",
+            ),
+            (
+                "proposals.unreadable_critic",
+                "",
+                "",
+                Word(|| words(UnreadableCritic::NAMES)),
+                "A critic whose review cannot be read: is asked again and `abstains`, as without it, or `blocks` the proposal.",
             ),
             (
                 "selector.also_at",
@@ -1021,6 +1140,13 @@ fn search() -> Vec<Key> {
             ("without.isolation", "", "", Truth, "Neither the isolation gate nor its critic."),
             ("without.audit", "", "", Truth, "No rollouts are drawn among candidates that the router leaves out."),
             ("without.tradeoff", "", "", Truth, "The parent trade-off gate accepts nobody."),
+            (
+                "without.sight",
+                "",
+                "",
+                Truth,
+                "No question says what the driver under test sees and how it drives; its name stays.",
+            ),
         ],
     ));
     keys

@@ -11,7 +11,7 @@ use crate::archive::search::SearchOptions;
 use crate::archive::{ArchiveOptions, SelectorOptions};
 use crate::backend::{BackendOptions, DriverOptions};
 use crate::ego::Policy;
-use crate::epoch::{CompositionOptions, CounselOptions, Without};
+use crate::epoch::{CompositionOptions, CounselOptions, ProposalOptions, Without};
 use crate::evaluation::EvaluationOptions;
 use crate::kernel::Digest;
 use crate::llm::SpendCap;
@@ -80,6 +80,9 @@ pub struct Experiment {
     /// Whether the sort of road user that a program inserts stays its parent's.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fixed_bodies: bool,
+    /// How a proposal is judged before any rollout, where that is not our way.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub proposals: ProposalOptions,
     /// Which form the questions to the roles that evolve programs have; without it the first one, under which old answers are recorded.
     #[serde(default, skip_serializing_if = "Questions::is_plain")]
     pub questions: Questions,
@@ -113,6 +116,12 @@ pub struct SimulatorTable {
     /// Whether outcomes say where a motion's kind does not belong.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub of_place: bool,
+    /// Whether outcomes say who is at fault by nuPlan's rule.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub at_fault: bool,
+    /// Whether labels say which drivers of UN R157 would have avoided a contact.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub jury: bool,
     /// Which form of SafeBench's scripts traffic families stage.
     #[serde(default, skip_serializing_if = "is_default")]
     pub scripts: Scripts,
@@ -129,6 +138,8 @@ impl SimulatorTable {
             avoidance: self.avoidance,
             of_kind: self.of_kind,
             of_place: self.of_place,
+            at_fault: self.at_fault,
+            jury: self.jury,
             scripts: self.scripts,
         }
     }
@@ -218,7 +229,7 @@ pub struct BudgetOptions {
 pub struct LineageOptions {
     pub id: LineageId,
     pub family: FamilyName,
-    /// `idm`, `idm-lights`, `pdm`, `replay`, `learned` or `command`.
+    /// `idm`, `idm-lights`, `pdm`, `frenet`, `replay`, `learned` or `command`.
     pub ego: String,
     /// The weights of a learned ego.
     #[serde(default, skip_serializing_if = "Option::is_none")]

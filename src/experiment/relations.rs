@@ -7,7 +7,7 @@ use crate::adapters::Contract;
 use crate::evaluation::EvaluationOptions;
 use crate::families;
 use crate::llm::client;
-use crate::objects::{FamilyName, Program, Role, WorldModel, world_audit::WORLD_LINE};
+use crate::objects::{FamilyName, FrontOf, Program, Role, WorldModel, world_audit::WORLD_LINE};
 use crate::stage::{Asks, Sources};
 use crate::world;
 
@@ -82,6 +82,11 @@ fn searched(experiment: &Experiment) -> Result<(), OptionError> {
     let Some(search) = experiment.search.as_ref().filter(|search| search.method.replaces_gates()) else {
         return Ok(());
     };
+    if experiment.archive.front == FrontOf::Evaluated {
+        let why =
+            format!("\"accepted\" beside search.method = {:?}, which decides whom it keeps", search.method.name());
+        return Err(OptionError::new("archive.front", "\"evaluated\"", why));
+    }
     if experiment.evaluation.safebench().is_some() {
         let why = "\"pareto\" under SafeBench's protocol, whose archive keeps scenes by group";
         return Err(OptionError::new("search.method", format!("{:?}", search.method.name()), why));
@@ -388,6 +393,12 @@ fn labels(experiment: &Experiment) -> Result<(), Problem> {
     }
     match &experiment.evaluation {
         EvaluationOptions::Metadrive(options) => {
+            let mut formulas = options.attack.when.iter().chain(options.metrics.values());
+            if formulas.any(|of| of.asks_at_fault()) && !experiment.simulator.at_fault {
+                let expected =
+                    "true, because an expression over outcomes or evaluation.attack.reading reads what they say then";
+                return Err(OptionError::new("simulator.at_fault", "missing", expected).into());
+            }
             if options.realism.asks_of_kind() && !experiment.simulator.of_kind {
                 let expected = "true, because a weight of rolling or speed_of_kind reads what outcomes say then";
                 return Err(OptionError::new("simulator.of_kind", "missing", expected).into());

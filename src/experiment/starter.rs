@@ -27,7 +27,7 @@ pub struct Starter {
     pub start: Option<PathBuf>,
     /// The planner that is the ego; IDM without.
     pub driver: Option<PlannerFile>,
-    /// `idm`, `pdm`, or `learned` for the protocol's learned ego; a driver takes its place.
+    /// `idm`, `pdm`, `frenet`, or `learned` for the protocol's learned ego; a driver takes its place.
     pub ego: String,
     pub epochs: Option<i64>,
     pub slots: Option<i64>,
@@ -77,6 +77,7 @@ pub fn starter(starter: &Starter) -> Result<Started, ExperimentError> {
         Some(_) => ("command", "mine", "a planner of one's own"),
         None if starter.ego == "learned" => ("learned", "sac", "a learned ego"),
         None if starter.ego == "pdm" => ("pdm", "pdm", "the PDM-Closed ego"),
+        None if starter.ego == "frenet" => ("frenet", "frenet", "the Frenet ego"),
         None => ("idm", "idm", "the IDM ego"),
     };
     let protocol = if staged { STAGED } else { "metadrive" };

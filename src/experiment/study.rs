@@ -186,6 +186,7 @@ impl Experiment {
             archive: self.archive.clone(),
             search: self.search.clone(),
             without,
+            proposals: self.proposals,
             fixed_bodies: self.fixed_bodies,
             questions: self.questions,
             selector: self.selector.clone(),

@@ -201,6 +201,7 @@ mod tests {
                     scenes: Vec::new(),
                     failures: Vec::new(),
                     benchmark: None,
+                    rules: Default::default(),
                 },
                 decision: Decision { promoted: accepted, on_front: accepted, gates: Box::new(gates), race: None },
             },

@@ -27,14 +27,20 @@ pub struct CommandOptions {
 }
 
 impl CommandOptions {
-    /// The same on a machine where its files lie there: a word that names one of them stands for it.
-    pub fn placed(&self, at: impl Fn(&Path) -> PathBuf) -> CommandOptions {
+    /// The same on a machine where its files lie there: a word that names one of them stands for it, and so does one that names
+    /// something that `beside` finds beside the experiment. A program without a folder is looked for where the system looks.
+    pub fn placed(&self, at: impl Fn(&Path) -> PathBuf, beside: impl Fn(&Path) -> Option<PathBuf>) -> CommandOptions {
         let files = self.files.as_deref().unwrap_or_default();
-        let place = |word: &String| match files.iter().find(|file| file.as_path() == Path::new(word)) {
-            Some(file) => at(file).to_string_lossy().into_owned(),
-            None => word.clone(),
+        let place = |(k, word): (usize, &String)| {
+            let path = Path::new(word);
+            let found = match files.iter().find(|file| file.as_path() == path) {
+                Some(file) => Some(at(file)),
+                None if k == 0 && path.components().count() < 2 => None,
+                None => beside(path),
+            };
+            found.map_or_else(|| word.clone(), |found| found.to_string_lossy().into_owned())
         };
-        CommandOptions { program: self.program.iter().map(place).collect(), ..self.clone() }
+        CommandOptions { program: self.program.iter().enumerate().map(place).collect(), ..self.clone() }
     }
 }
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{store::Memory, text::tag_set};
-use crate::objects::{AttemptId, Card, CardKind, Program};
+use crate::objects::{AttemptId, Card, CardKind, Program, Taking, is_unsaid};
 
 /// Weights of the score and size of the context. Come from the experiment file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,6 +23,9 @@ pub struct MemoryOptions {
     pub alpha_future: f64,
     /// M: how many cards are shown.
     pub top_m: usize,
+    /// Which of the scored cards are shown.
+    #[serde(default, skip_serializing_if = "is_unsaid")]
+    pub taking: Taking,
 }
 
 /// An option that cannot be used.
@@ -80,11 +83,13 @@ const PER_ATTEMPT_MAX: usize = 1;
 /// First the causal filter: a card exists after its epoch's barrier, so a proposal of epoch t + 1 sees only cards
 /// with epoch(u) <= t. Then the lineage filter: cards of other lineages only where they may be shared. A success of this
 /// lineage that the front has left behind is none any more. Of one attempt and of one kind only so many are taken, so that no
-/// epoch with many like cards hides all others.
+/// epoch with many like cards hides all others. As the paper has it (`memory.taking`), the M with the highest scores are taken of those that
+/// the two filters leave.
 pub fn retrieve<'m>(memory: &'m Memory, query: &Query<'_>, options: &MemoryOptions) -> Vec<(&'m Card, f64)> {
     let own = |card: &Card| card.lineage == query.parent.lineage_id;
     let on_front = |card: &Card| card.attempt.as_ref().is_some_and(|attempt| query.front.contains(attempt));
-    let surpassed = |card: &Card| own(card) && card.kind == CardKind::Success && !on_front(card);
+    let as_scored = options.taking == Taking::TopM;
+    let surpassed = |card: &Card| !as_scored && own(card) && card.kind == CardKind::Success && !on_front(card);
     let tags = tags_of(query.parent);
     let mut scored: Vec<(&Card, f64)> = memory
         .cards()
@@ -94,6 +99,10 @@ pub fn retrieve<'m>(memory: &'m Memory, query: &Query<'_>, options: &MemoryOptio
         .map(|card| (card, scored_by(card, query, &tags, options)))
         .collect();
     scored.sort_by(|(a, x), (b, y)| y.total_cmp(x).then_with(|| a.id.cmp(&b.id)));
+    if as_scored {
+        scored.truncate(options.top_m);
+        return scored;
+    }
     let of_front = |card: &Card| own(card) && card.kind == CardKind::Success && !card.shareable && on_front(card);
     let (mut taken, others): (Vec<_>, Vec<_>) = scored.into_iter().partition(|(card, _)| of_front(card));
     // Half of what is shown, rounded up.

@@ -57,6 +57,7 @@ const WEIGHTS: MemoryOptions = MemoryOptions {
     alpha_recency: 0.5,
     alpha_future: 100.0,
     top_m: 8,
+    taking: Taking::Mixed,
 };
 
 const CURATION: CurationOptions = CurationOptions { attack_low: 0.2, realism_low: 0.8, digits: 3, text_chars: 240 };
@@ -116,6 +117,7 @@ fn evaluated(tags: &[&str], routed: Route, labels: [f64; 2], accepted: bool) -> 
             scenes: Vec::new(),
             failures: Vec::new(),
             benchmark: None,
+            rules: Default::default(),
         },
         decision: Decision {
             promoted: false,
@@ -338,6 +340,20 @@ fn equal_scores_come_in_order_of_their_ids_and_no_more_than_m() {
 }
 
 #[test]
+fn as_the_paper_has_it_the_best_scores_are_shown_whatever_their_kind_and_attempt() {
+    let of = |id: &str, slot| Card { text: id.into(), ..of_attempt(id, CardKind::Success, slot) };
+    let (mut memory, parent) = (Memory::default(), program("cat-idm", "cat", &[]));
+    memory.append(vec![of("a", 1), of("b", 1), of("c", 2), of_attempt("f", CardKind::Failure, 3)]).unwrap();
+    let query = Query { parent: &parent, epoch: 2, scene_tags: &[], front: &[] };
+    let shown = |taking| {
+        let cards = retrieve(&memory, &query, &MemoryOptions { top_m: 3, taking, ..WEIGHTS });
+        cards.into_iter().map(|(card, _)| card.id.to_string()).collect::<Vec<_>>()
+    };
+    assert_eq!(shown(Taking::TopM), ["a", "b", "c"]);
+    assert_eq!(shown(Taking::Mixed), ["f"], "successes that the front left behind are none");
+}
+
+#[test]
 fn weights_that_are_no_weights_are_named() {
     let bad = MemoryOptions { alpha_scene: f64::NAN, ..WEIGHTS };
     assert_eq!(bad.validate().unwrap_err().option, "alpha_scene");
@@ -369,6 +385,7 @@ proptest! {
             alpha_recency: weights[4],
             alpha_future: weights[5],
             top_m,
+            taking: Taking::Mixed,
         };
         let parent = program("cat-idm", "cat", &["a"]);
         let query = Query { parent: &parent, epoch, scene_tags: &[], front: &[] };

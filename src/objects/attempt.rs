@@ -358,6 +358,9 @@ pub struct AcceptanceGates {
     pub coverage: CoverageFloor,
     /// Paired scenes in which the child's labels are not its parent's.
     pub differing_scenes: usize,
+    /// Whether it may be accepted without any such scene.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub may_do_as_parent: bool,
     /// How many scenes were paired: what every difference here rests on.
     pub scenes: usize,
     /// Where another method than the three gates decides: what it says. The gates above are told all the same.
@@ -383,13 +386,13 @@ pub struct MethodVerdict {
 
 impl AcceptanceGates {
     /// Whether the child is accepted: by one of the three gates, if it acts often enough and does something else than its
-    /// parent; or by the method that decides in their place, if it acts at all.
+    /// parent, as far as that is asked for; or by the method that decides in their place, if it acts at all.
     pub fn any(&self) -> bool {
         if let Some(verdict) = &self.method {
             return verdict.holds && self.coverage.coverage > 0.0;
         }
         let by_a_gate = self.densification.holds || self.local_push.holds || self.parent_tradeoff.holds;
-        self.coverage.holds && self.differing_scenes > 0 && by_a_gate
+        self.coverage.holds && (self.differing_scenes > 0 || self.may_do_as_parent) && by_a_gate
     }
 }
 

@@ -20,6 +20,7 @@ pub mod pointer;
 pub mod program;
 pub mod replay;
 pub mod review;
+pub mod rules;
 pub mod score;
 pub mod value_type;
 pub mod world;
@@ -39,6 +40,10 @@ pub use patch::{EDITABLE_SURFACE, Operation, OperationKind, ProgramPatch};
 pub use pointer::Pointer;
 pub use program::*;
 pub use review::{Advice, Review, Role};
+pub use rules::{
+    AcceptanceRequirement, AttackRequirement, FrontOf, GatesAsked, JudgedOn, LabelRules, RealismMean, ReportedBy,
+    Required, Taking, Ties, UnreadableCritic, is_unsaid,
+};
 pub use score::{Met, Objectives, RealismSums, SceneFailure, SceneScore, Score, abandoned, realism_name, too_slow};
 pub use value_type::ValueType;
 pub use world::*;

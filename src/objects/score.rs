@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use super::benchmark::Benchmark;
+use super::rules::{LabelRules, RealismMean, is_unsaid};
 use crate::kernel::Digest;
 
 /// F(c) = (A, R), both in [0, 1], larger is better (paper eq. prelim-objectives).
@@ -56,19 +57,26 @@ pub struct Score {
     /// Rows of SafeBench's protocol, from which the objectives are taken; `None` in MetaDrive's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub benchmark: Option<Box<Benchmark>>,
+    /// By which rules the labels were summed up.
+    #[serde(default, skip_serializing_if = "is_unsaid")]
+    pub rules: LabelRules,
 }
 
 impl Score {
     /// What people call the realism among the objectives: by its own name in either protocol, so that nobody takes it for the
     /// mean over the scenes acted in.
     pub fn realism_name(&self) -> &'static str {
-        realism_name(self.benchmark.is_some())
+        realism_name(self.benchmark.is_some(), self.rules.mean)
     }
 }
 
 /// The name of an objective's realism: SafeBench's protocol has its own score.
-pub const fn realism_name(safebench: bool) -> &'static str {
-    if safebench { "ARS" } else { "strict realism" }
+pub const fn realism_name(safebench: bool, mean: RealismMean) -> &'static str {
+    match (safebench, mean) {
+        (true, _) => "ARS",
+        (false, RealismMean::Strict) => "strict realism",
+        (false, RealismMean::Plain) => "plain realism",
+    }
 }
 
 /// What R(c) is summed up from: a program is as realistic as the scenes that it acts in, and no more so than the scenes in
@@ -76,6 +84,8 @@ pub const fn realism_name(safebench: bool) -> &'static str {
 /// of a few centimetres elsewhere.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RealismSums {
+    labelled: usize,
+    realism: f64,
     acted: usize,
     acted_realism: f64,
     succeeded: usize,
@@ -93,6 +103,8 @@ impl RealismSums {
 
     /// Adds a label.
     pub fn add(&mut self, scene: &SceneScore) {
+        self.labelled += 1;
+        self.realism += scene.realism;
         if scene.acted {
             self.acted += 1;
             self.acted_realism += scene.realism;
@@ -106,6 +118,8 @@ impl RealismSums {
 
     /// The same without one of the labels.
     pub fn without(mut self, scene: &SceneScore) -> RealismSums {
+        self.labelled -= 1;
+        self.realism -= scene.realism;
         if scene.acted {
             self.acted -= 1;
             self.acted_realism -= scene.realism;
@@ -128,9 +142,17 @@ impl RealismSums {
         (self.acted > 0).then(|| self.acted_realism / self.acted as f64)
     }
 
-    /// R(c), the strict realism: the smaller one of the mean over the scenes acted in and the mean over successes, each success weighing as much
+    /// R(c) by either rule.
+    pub fn realism(&self, mean: RealismMean) -> Option<f64> {
+        match mean {
+            RealismMean::Strict => self.strict(),
+            RealismMean::Plain => (self.labelled > 0).then(|| (self.realism / self.labelled as f64).clamp(0.0, 1.0)),
+        }
+    }
+
+    /// The strict realism: the smaller one of the mean over the scenes acted in and the mean over successes, each success weighing as much
     /// as its attack; the first alone where nothing succeeds. `None` for a program that never acts.
-    pub fn realism(&self) -> Option<f64> {
+    fn strict(&self) -> Option<f64> {
         let acted = self.acted_mean()?;
         let succeeded = (self.succeeded > 0).then(|| self.attack_realism / self.attack);
         Some(succeeded.map_or(acted, |succeeded| succeeded.min(acted)).clamp(0.0, 1.0))
@@ -142,7 +164,8 @@ impl RealismSums {
 pub struct SceneScore {
     /// Id of the scene.
     pub scene: String,
-    /// a(τ), 0..=1; 0 where the program does not act, and where the ego meets a road user that it also runs into without the program.
+    /// a(τ), 0..=1; but for [`LabelRules`] 0 where the program does not act, and where the ego meets a road user that it also runs into
+    /// without the program.
     pub attack: f64,
     /// r(τ), 0..=1; 1 where the program does not act, and counts into the objective only where it does.
     pub realism: f64,
@@ -175,6 +198,12 @@ pub struct Met {
     /// Whether the ego could have avoided it; `None` where nobody assessed that.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub avoidable: Option<bool>,
+    /// The clause of nuPlan's rule that decides who is at fault, where outcomes say it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fault: Option<String>,
+    /// How many of how many drivers would have avoided it, where outcomes say it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub avoided_by: Option<[usize; 2]>,
     /// Whether the ego runs into the same one in plain replay.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub anyway: bool,

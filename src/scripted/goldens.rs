@@ -64,6 +64,8 @@ fn asked_about(example: &Example) -> Vec<Request> {
         models: &models,
         critics: &Role::CRITICS,
         max_repair_rounds: 1,
+        gates: Default::default(),
+        unreadable_critic: Default::default(),
     };
     let patch = briefing.patch_text(&ProgramPatch {
         source_baseline: example.parent.source_family.clone(),
@@ -94,8 +96,8 @@ fn asked_about(example: &Example) -> Vec<Request> {
     let question = |role| {
         let subject = match role {
             Role::Actor => Subject::None,
-            Role::Repair => Subject::Repair { patch: &patch, reviews: &reviews, findings: &findings },
-            _ => Subject::Review { patch: &patch, findings: &findings, unusable: None },
+            Role::Repair => Subject::Repair { patch: &patch, reviews: &reviews, findings: Some(&findings) },
+            _ => Subject::Review { patch: &patch, findings: Some(&findings), unusable: None },
         };
         request(&task, &spec(), role, 0, &subject).unwrap()
     };

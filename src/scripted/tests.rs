@@ -73,6 +73,8 @@ fn asked(stage: &Stage, slot: u32, spec: &ModelSpec, role: Role, round: u32, sub
         models: &models,
         critics: &Role::CRITICS,
         max_repair_rounds: 1,
+        gates: Default::default(),
+        unreadable_critic: Default::default(),
     };
     prompt::request(&task, spec, role, round, subject).unwrap()
 }
@@ -80,7 +82,7 @@ fn asked(stage: &Stage, slot: u32, spec: &ModelSpec, role: Role, round: u32, sub
 /// The question to a critic of whose patch the gates say nothing.
 fn review_of(patch: &str) -> Subject<'_> {
     static NOTHING: Findings = Findings { gates: GateReport { verdicts: vec![] }, compared: 0, differing: 0 };
-    Subject::Review { patch, findings: &NOTHING, unusable: None }
+    Subject::Review { patch, findings: Some(&NOTHING), unusable: None }
 }
 
 fn draft(stage: &Stage, slot: u32, spec: &ModelSpec) -> Vec<u8> {
@@ -185,7 +187,7 @@ fn without_declared_errors_no_reply_of_any_role_is_refused() {
                 let bytes = Scripted.complete(&asked(&stage, slot, &spec, role, 0, &review_of(&text))).unwrap().bytes;
                 reviews.push(reply::review(&bytes, role).unwrap());
             }
-            let subject = Subject::Repair { patch: &text, reviews: &reviews, findings: &Findings::default() };
+            let subject = Subject::Repair { patch: &text, reviews: &reviews, findings: Some(&Findings::default()) };
             let bytes = Scripted.complete(&asked(&stage, slot, &spec, Role::Repair, 1, &subject)).unwrap().bytes;
             reply::patch(&bytes, Role::Repair).unwrap();
             replies += 6;
@@ -237,7 +239,7 @@ fn reviews_by(spec: &ModelSpec, stage: &Stage, patch: &ProgramPatch, slot: u32) 
 
 fn repaired(stage: &Stage, patch: &ProgramPatch, reviews: &[Review], slot: u32) -> ProgramPatch {
     let text = stage.briefing.patch_text(patch).unwrap();
-    let subject = Subject::Repair { patch: &text, reviews, findings: &Findings::default() };
+    let subject = Subject::Repair { patch: &text, reviews, findings: Some(&Findings::default()) };
     let bytes = Scripted.complete(&asked(stage, slot, &model(2, [0.0; 4]), Role::Repair, 1, &subject)).unwrap().bytes;
     reply::patch(&bytes, Role::Repair).unwrap()
 }
@@ -337,6 +339,8 @@ fn whole_proposals_end_in_patches_and_in_declines() {
                 models: &models,
                 critics: &Role::CRITICS,
                 max_repair_rounds: 2,
+                gates: Default::default(),
+                unreadable_critic: Default::default(),
             };
             let check = |patch: &ProgramPatch| -> Result<Findings, AgentError> {
                 Ok(Findings { gates: gates(&stage, patch), ..Findings::default() })

@@ -10,7 +10,10 @@ pub use accounts::{
     ACTED_M, ActorConduct, ActorTrace, AdversaryReport, Contact, Driving, End, Feasibility, Motion, OfKind, OfPlace,
     Outcome, Trace, WithRecording, driving, feasibility, outcome, smooth,
 };
-pub use encounters::{ContactClass, Side, Striker, assess, gaps, lateness_s, meeting};
+pub use encounters::{
+    Chance, ContactClass, Fault, Jury, Manoeuvre, Reacted, Reaction, Side, Striker, Timeline, assess, fault, gaps,
+    jury, lateness_s, meeting,
+};
 pub use prepared::{
     Along, AvoidanceOptions, EgoBox, EgoCar, FollowerStart, Obstacle, Path, Plant, PlantOptions, Scripts, SimError,
     SimulatorOptions, SimulatorOptionsError, Size, TrafficBoxes, body, drivable, error, options, path, plant,
@@ -22,8 +25,9 @@ pub use road_users::{
 };
 pub use rollouts::{
     ContactBoxes, Episode, Held, Part, Pose, Repeated, ReportedActor, ReportedContact, ReportedError, ReportedRollout,
-    RolloutCost, adversaries_of, commands, contact_within, ending, judge, reported, retraced, rollout,
-    rollout_assessed, rollout_counted, rollout_in_parts, rollout_traced, tell,
+    Retraced, RolloutCost, adversaries_of, commands, contact_within, ending, fault_of, judge, reported,
+    reported_timeline, retraced, rollout, rollout_assessed, rollout_counted, rollout_explained, rollout_in_parts,
+    rollout_traced, tell,
 };
 
 /// Part of every rollout key; rises when any outcome can change.

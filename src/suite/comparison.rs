@@ -32,6 +32,8 @@ pub struct ComparedRow {
     /// Contacts that the driver caused or could have avoided.
     pub first_preventable: usize,
     pub second_preventable: usize,
+    /// Contacts for which each is at fault by nuPlan's rule; none where its result does not say.
+    pub at_fault: [Option<usize>; 2],
     /// Scenes in which the first alone crashed, and in which the second alone did.
     pub first_alone: usize,
     pub second_alone: usize,
@@ -94,6 +96,10 @@ fn row(first: &SuiteResult, name: &str, pairs: &[(&Played, &Played)]) -> Compare
         mean(first, ("compared", name), pairs.iter().map(|(a, b)| Some(of(b) - of(a))).collect())
     };
     let preventable = |played: &Played| played.drive().is_some_and(super::result::Drive::is_preventable);
+    let at_fault = |side: &[&Played]| {
+        let known = side.iter().map(|played| played.drive().map_or(Some(false), |drive| drive.is_at_fault()));
+        Some(known.collect::<Option<Vec<bool>>>()?.into_iter().filter(|is| *is).count())
+    };
     let completion = |played: &Played| played.drive().map_or(0.0, |drive| drive.completion);
     ComparedRow {
         name: name.to_string(),
@@ -102,6 +108,10 @@ fn row(first: &SuiteResult, name: &str, pairs: &[(&Played, &Played)]) -> Compare
         second_crashes: count(&|_, b| b.crashed()),
         first_preventable: count(&|a, _| preventable(a)),
         second_preventable: count(&|_, b| preventable(b)),
+        at_fault: [
+            at_fault(&pairs.iter().map(|(first, _)| *first).collect::<Vec<_>>()),
+            at_fault(&pairs.iter().map(|(_, second)| *second).collect::<Vec<_>>()),
+        ],
         first_alone,
         second_alone,
         chance: exact_mcnemar(first_alone, second_alone),

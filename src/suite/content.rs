@@ -7,7 +7,7 @@ use super::thresholds::Thresholds;
 use crate::kernel::Digest;
 use crate::objects::{FamilyName, Origin, SolutionId};
 use crate::scene::Pool;
-use crate::sim::{Intervention, Outcome, SimulatorOptions};
+use crate::sim::{ContactClass, Intervention, Outcome, SimulatorOptions};
 
 /// A suite without its scenes' bodies.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,6 +60,12 @@ pub struct Sizes {
     pub plain_share: f64,
     /// Whether only contacts were taken that a careful ego avoids.
     pub preventable_only: bool,
+    /// Least realism of what a program does, 0 to 1; none where any was taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min_realism: Option<f64>,
+    /// The classes of contact of which one was taken; empty where all were.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub classes: Vec<ContactClass>,
 }
 
 /// Where scenes come from, and under which terms they may be passed on.

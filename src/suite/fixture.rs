@@ -5,7 +5,7 @@ use crate::kernel::Digest;
 use crate::objects::{FamilyName, SolutionId};
 use crate::scene::Pool;
 use crate::scene::fixture::two_lane_scene;
-use crate::sim::{self, ContactClass, End, Intervention, SimulatorOptions};
+use crate::sim::{self, ContactClass, End, Fault, Intervention, SimulatorOptions};
 
 /// Ends of scenes: what came of each.
 pub const ARRIVED: usize = 0;
@@ -45,7 +45,13 @@ pub fn suite() -> Suite {
         seed: 1,
         rules: vec![SimulatorOptions::SHIPPED],
         programs: vec![member],
-        sizes: Sizes { per_family: 1, plain_share: 0.5, preventable_only: false },
+        sizes: Sizes {
+            per_family: 1,
+            plain_share: 0.5,
+            preventable_only: false,
+            min_realism: None,
+            classes: Vec::new(),
+        },
         thresholds: Thresholds::default(),
         licences: vec![Licence { source: "fixture".into(), scenes: 1, terms: "any".into() }],
         cases: vec![case],
@@ -58,11 +64,13 @@ pub fn result(driver: &str, ends: &[usize]) -> SuiteResult {
     let drive = |end, completion, contact| {
         Came::Driven(Drive { end, completion, steps: 80, contact, trace: Digest::of_bytes(b"trace") })
     };
-    let met = |class, avoidable| Some(Met { class, adversary: true, avoidable, time_s: 3.5, relative_speed_mps: 6.0 });
+    let met = |class, avoidable, fault| {
+        Some(Met { class, adversary: true, avoidable, fault, jury: None, time_s: 3.5, relative_speed_mps: 6.0 })
+    };
     let came = |end: usize| match end {
         ARRIVED => drive(End::Arrived, 1.0, None),
-        CRASHED => drive(End::Contact, 0.5, met(ContactClass::HeadOn, Some(false))),
-        CAUSED => drive(End::Contact, 0.5, met(ContactClass::CutIn, Some(true))),
+        CRASHED => drive(End::Contact, 0.5, met(ContactClass::HeadOn, Some(false), Some(Fault::ActiveFront))),
+        CAUSED => drive(End::Contact, 0.5, met(ContactClass::CutIn, Some(true), Some(Fault::ActiveLateral))),
         OFF_ROAD => drive(End::OffRoad, 0.5, None),
         STOOD => drive(End::Horizon, 0.05, None),
         FAULT => Came::Fault { kind: FaultKind::TooSlow, reason: "planner `p`: no answer within 1 s".into() },
@@ -75,6 +83,8 @@ pub fn result(driver: &str, ends: &[usize]) -> SuiteResult {
         cluster: ["junction", "highway"][k % 2].into(),
         class: "none".into(),
         came: came(*end),
+        realism: None,
+        timeline: None,
     };
     SuiteResult {
         format: RESULT_FORMAT.into(),

@@ -7,6 +7,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
+use super::failures::kind_of;
 use super::result::{Came, Played, SuiteResult};
 use super::thresholds::Judged;
 use crate::draw::escaped;
@@ -22,6 +23,8 @@ struct Case {
     seconds: f64,
     /// Element, type and message of what is no pass.
     fault: Option<(&'static str, String, String)>,
+    /// What led to it, where that is known.
+    why: String,
     /// How to see it.
     command: String,
 }
@@ -59,6 +62,7 @@ fn case(result: &SuiteResult, played: &Played, command: String) -> Case {
         name: played.case.clone(),
         class: format!("{}.{}.{}", result.suite.name, played.family, played.cluster),
         seconds: played.drive().map_or(0.0, |drive| drive.steps as f64 * DT_S),
+        why: kind_of(played).into_iter().chain(played.why()).map(|line| format!("\n{line}")).collect(),
         fault,
         command,
     }
@@ -71,6 +75,7 @@ fn of_rule(result: &SuiteResult, rule: &Judged) -> Case {
         class: format!("{}.thresholds", result.suite.name),
         seconds: 0.0,
         fault: (!rule.holds).then(|| ("failure", rule.rule.to_string(), message())),
+        why: String::new(),
         command: rule.scenes.join("\n"),
     }
 }
@@ -113,10 +118,11 @@ fn suite(text: &mut String, result: &SuiteResult, (id, name): (usize, &str), cas
             Some(("skipped", _, message)) => writeln!(text, "><skipped message=\"{}\"/></testcase>", xml(message)),
             Some((element, kind, message)) => writeln!(
                 text,
-                "><{element} type=\"{}\" message=\"{}\">{}\n{}</{element}></testcase>",
+                "><{element} type=\"{}\" message=\"{}\">{}{}\n{}</{element}></testcase>",
                 xml(kind),
                 xml(message),
                 xml(message),
+                xml(&case.why),
                 xml(&case.command)
             ),
         };
@@ -148,6 +154,14 @@ mod tests {
         if let Came::Fault { reason, .. } = &mut result.cases[3].came {
             reason.push_str(" \u{1b}[31m <\"&> \u{0}");
         }
+        result.cases[1].timeline = Some(crate::sim::Timeline {
+            contact_s: 3.5,
+            visible_s: Some(1.0),
+            reaction: None,
+            braked_mps2_max: 0.0,
+            from: crate::sim::Side::Front,
+            chances: Vec::new(),
+        });
         let thresholds = Thresholds { max_crash_rate: Some(0.1), ..Thresholds::default() };
         let rules = judged(&result, &thresholds, None).unwrap();
         junit(&result, &rules, &|played| format!("evodrive suite play --scene '{}' && true", played.case))
@@ -165,6 +179,8 @@ mod tests {
         let text = file();
         let counts: Vec<usize> = ["testcase", "failure", "error", "skipped"].map(|tag| tags(&text, tag).len()).to_vec();
         assert_eq!(counts, [7, 4, 1, 1], "{text}");
+        let why = "50 % of the route\nhead on, seen\nseen 2.5 s before the contact";
+        assert!(text.contains(why), "{text}");
         let suites = tags(&text, "testsuite");
         assert_eq!(suites.len(), 2);
         assert!(suites[0].contains("tests=\"5\" failures=\"2\" errors=\"1\" skipped=\"1\""), "{}", suites[0]);

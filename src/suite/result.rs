@@ -4,8 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::fault::FaultKind;
 use super::mark::{DriverMark, Selected, SuiteMark};
+use crate::evidence::timeline_text::sentences;
 use crate::kernel::Digest;
-use crate::sim::{ContactClass, End, Outcome};
+use crate::sim::{ContactClass, End, Fault, Jury, Outcome, Timeline};
 
 /// A driver in a suite.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -52,6 +53,12 @@ pub struct Played {
     /// Class of the contact of the driver that was planned around.
     pub class: String,
     pub came: Came,
+    /// Realism of what others did, 0 to 1, under the shipped MetaDrive protocol; nothing where nobody is moved, and in older results.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub realism: Option<f64>,
+    /// What led to the contact; nothing where there is none, and in older results.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub timeline: Option<Timeline>,
 }
 
 /// What came of a scene.
@@ -89,17 +96,26 @@ pub struct Met {
     pub adversary: bool,
     /// Whether a careful ego would have avoided it; asked of adversaries alone.
     pub avoidable: Option<bool>,
+    /// Who is at fault by nuPlan's rule; results of older releases do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fault: Option<Fault>,
+    /// Which drivers would have avoided it; results of older releases do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub jury: Option<Jury>,
     /// Since the start, s.
     pub time_s: f64,
     pub relative_speed_mps: f64,
 }
 
 impl Drive {
-    pub fn of(outcome: &Outcome) -> Drive {
+    /// Of an outcome, and what is known of its contact besides.
+    pub fn of(outcome: &Outcome, fault: Option<Fault>, jury: Option<Jury>) -> Drive {
         let met = |contact: &crate::sim::Contact| Met {
             class: contact.class,
             adversary: contact.adversary,
             avoidable: contact.avoidable,
+            fault,
+            jury,
             time_s: contact.time_s,
             relative_speed_mps: contact.relative_speed_mps,
         };
@@ -117,6 +133,11 @@ impl Drive {
         self.contact.is_some_and(|met| met.class.could_be_prevented(met.avoidable))
     }
 
+    /// Whether it is at fault for its contact by nuPlan's rule; `None` where nobody said.
+    pub fn is_at_fault(&self) -> Option<bool> {
+        self.contact.map_or(Some(false), |met| met.fault.map(Fault::is_egos))
+    }
+
     /// In a few words.
     pub fn in_words(&self) -> String {
         let completed = format!("{:.0} % of the route", 100.0 * self.completion);
@@ -124,6 +145,9 @@ impl Drive {
             (End::Contact, Some(met)) => {
                 let whom = if met.adversary { "with the adversary" } else { "with a bystander" };
                 let how = if self.is_preventable() { ", preventable" } else { "" };
+                let how = format!("{how}{}", if self.is_at_fault() == Some(true) { ", at fault" } else { "" });
+                let jury = met.jury.map(|of| format!(", {} of {} drivers avoid it", of.avoid(), of.of()));
+                let how = format!("{how}{}", jury.unwrap_or_default());
                 format!(
                     "{} {whom} after {:.1} s at {:.1} m/s{how}; {completed}",
                     met.class.name(),
@@ -135,6 +159,23 @@ impl Drive {
             (End::OffRoad, _) => format!("left its route; {completed}"),
             (End::Arrived, _) => format!("arrived; {completed}"),
             (End::Horizon, _) => format!("no contact up to the end; {completed}"),
+        }
+    }
+}
+
+impl Came {
+    /// Whether it is what was said before; a result of an older release says nothing of faults.
+    pub fn is_as_said(&self, said: &Came) -> bool {
+        match (self, said) {
+            (Came::Driven(drive), Came::Driven(before)) => {
+                let mut own = drive.clone();
+                if let (Some(met), Some(said)) = (&mut own.contact, &before.contact) {
+                    met.fault = met.fault.filter(|_| said.fault.is_some());
+                    met.jury = met.jury.filter(|_| said.jury.is_some());
+                }
+                own == *before
+            }
+            _ => self == said,
         }
     }
 }
@@ -155,6 +196,11 @@ impl Played {
     /// Whether it was driven without a contact and without leaving the route. How far it came is not asked.
     pub fn passed(&self) -> bool {
         self.drive().is_some_and(|drive| drive.contact.is_none() && drive.end != End::OffRoad)
+    }
+
+    /// What led to the contact, in words.
+    pub fn why(&self) -> Option<String> {
+        self.timeline.as_ref().map(sentences)
     }
 
     pub fn in_words(&self) -> String {

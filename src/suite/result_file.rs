@@ -1,7 +1,7 @@
 //! A result as a file: one JSON object, a scene a line, so that two results can be compared by eye too. Its seal is the digest of all the rest
 //! of it: nothing in it was changed since.
 
-use super::result::{Drive, SuiteResult};
+use super::result::{Drive, Played, SuiteResult};
 use crate::kernel::{Digest, canon::CanonError};
 use crate::sim::End;
 
@@ -77,7 +77,11 @@ pub fn result_from_bytes(file: &str, bytes: &[u8]) -> Result<SuiteResult, Result
         ((drive.end == End::Contact) != drive.contact.is_some())
             .then_some("a contact without that end, or the end without one")
     };
-    match result.cases.iter().find_map(|played| Some((&played.case, fault(played.drive()?)?))) {
+    let fault = |played: &Played| {
+        let realism = played.realism.is_some_and(|realism| !(0.0..=1.0).contains(&realism));
+        if realism { Some("a realism outside 0 to 1") } else { fault(played.drive()?) }
+    };
+    match result.cases.iter().find_map(|played| Some((&played.case, fault(played)?))) {
         Some((case, fault)) => Err(wrong(format!("case {case:?} has {fault}"))),
         None => Ok(result),
     }
@@ -110,13 +114,14 @@ mod tests {
         let result = result("a", &[1, 0, 2, 3, 4, 5]);
         let sealed = written(&result);
         type Change = fn(&mut SuiteResult);
-        let changes: [Change; 12] = [
+        let changes: [Change; 13] = [
             |of| drop(of.cases.remove(0)),
             |of| of.cases.push(of.cases[0].clone()),
             |of| of.cases.swap(0, 1),
             |of| of.cases[0].case.push('x'),
             |of| of.cases[0].family.push('x'),
             |of| of.cases[0].came = of.cases[1].came.clone(),
+            |of| of.cases[0].realism = Some(0.5),
             |of| of.driver.name.push('x'),
             |of| of.driver.digest = Digest::of_bytes(b"other"),
             |of| of.suite.digest = Digest::of_bytes(b"other"),

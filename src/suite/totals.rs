@@ -25,6 +25,8 @@ pub struct Total {
     pub crashes: Option<Share>,
     /// Contacts that the ego caused or could have avoided.
     pub preventable: Option<Share>,
+    /// Contacts for which the ego is at fault by nuPlan's rule; none where some result does not say.
+    pub at_fault: Option<Share>,
     /// Mean share of the route that was driven.
     pub completion: Option<Estimate>,
     pub arrived: Option<Share>,
@@ -72,6 +74,11 @@ fn total(result: &SuiteResult, (by, name): (&'static str, &str), of: &[&Played])
         unplayable: of.iter().filter(|played| matches!(played.came, Came::Unplayable { .. })).count(),
         crashes: share(&|drive| drive.contact.is_some()),
         preventable: share(&Drive::is_preventable),
+        at_fault: drives
+            .iter()
+            .map(|drive| drive.is_at_fault())
+            .collect::<Option<Vec<bool>>>()
+            .and_then(|known| Share::of(known.into_iter().filter(|is| *is).count(), drives.len())),
         completion: mean(result, (by, name), drives.iter().map(|drive| Some(drive.completion)).collect()),
         arrived: share(&|drive| drive.end == End::Arrived),
         off_road: share(&|drive| drive.end == End::OffRoad),
@@ -98,8 +105,8 @@ mod tests {
         let all = &rows[0];
         assert_eq!((all.scenes, all.driven, all.faults, all.unplayable), (7, 5, 1, 1));
         let count = |share: &Option<Share>| share.map(|share| (share.count, share.of));
-        let counts = [&all.crashes, &all.preventable, &all.arrived, &all.off_road].map(count);
-        assert_eq!(counts, [Some((2, 5)), Some((1, 5)), Some((1, 5)), Some((1, 5))]);
+        let counts = [&all.crashes, &all.preventable, &all.at_fault, &all.arrived, &all.off_road].map(count);
+        assert_eq!(counts, [Some((2, 5)), Some((1, 5)), Some((1, 5)), Some((1, 5)), Some((1, 5))]);
         assert_eq!(count(&all.arrived_of_playable()), Some((1, 6)), "a fault has not arrived");
         let completion = all.completion.unwrap();
         assert!((completion.value - (1.0 + 0.5 + 0.5 + 0.5 + 0.05) / 5.0).abs() < 1e-12, "{completion:?}");

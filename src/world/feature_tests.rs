@@ -123,6 +123,7 @@ fn features_of_edit() -> impl Fn(&str) -> f64 {
         scenes: vec![scored("s", 1.0), SceneScore { acted: false, ..scored("t", 0.0) }],
         failures: vec![],
         benchmark: None,
+        rules: Default::default(),
     };
     let probe = |jerk_mps3| Probe { jerk_mps3, ..Probe::NOTHING };
     let pair = |child, parent, same| ProbePair { child: probe(child), parent: probe(parent), same };

@@ -530,6 +530,7 @@ fn features_fill_the_groups_in_the_schemas_order() {
         scenes: vec![scored("s", 1.0), scored("t", 0.0)],
         failures: vec![],
         benchmark: None,
+        rules: Default::default(),
     };
     let near = Probe { ego_distance_m_min: 3.0, actors: 1.0, ..Probe::NOTHING };
     let probes = [

@@ -99,7 +99,14 @@ fn each_change_of_the_record_is_found_by_its_check() {
         ("labels", "does not act in it", |run| credited(run, |scene| scene.acted = false)),
         ("labels", "in plain replay too", |run| {
             credited(run, |scene| {
-                scene.contact = Some(Met { adversary: true, class: "cut_in".into(), avoidable: None, anyway: true });
+                scene.contact = Some(Met {
+                    adversary: true,
+                    class: "cut_in".into(),
+                    avoidable: None,
+                    fault: None,
+                    avoided_by: None,
+                    anyway: true,
+                });
             })
         }),
         ("labels", "realism over all scenes and coverage", |run| {

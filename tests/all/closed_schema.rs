@@ -67,6 +67,7 @@ fn asked(source: &Source, format: ResponseFormat, fixed_bodies: bool) -> (Reques
         rule: None,
         tradeoff: true,
         fixed_bodies,
+        otherwise: vec![],
     };
     let contract = contract_text(&source.contract);
     let handbook = Handbook::of(&HandbookParts {
@@ -113,6 +114,8 @@ fn asked(source: &Source, format: ResponseFormat, fixed_bodies: bool) -> (Reques
         models: &BTreeMap::new(),
         critics: &[],
         max_repair_rounds: 0,
+        gates: Default::default(),
+        unreadable_critic: Default::default(),
     };
     (prompt::request(&task, &model(format), Role::Actor, 0, &prompt::Subject::None).unwrap(), parent)
 }

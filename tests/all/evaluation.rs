@@ -61,6 +61,8 @@ fn options() -> MetadriveOptions {
                 pedestrian,
                 fixed,
             }),
+            mean: Default::default(),
+            excuses_recordings: true,
         },
     }
 }
@@ -72,6 +74,7 @@ fn attack_options() -> AttackOptions {
         counts: [EgoStrikes, EgoSideswipes, StationaryHit].into(),
         counts_if_avoidable: [CutIn, Crossing, HeadOn, Sideswipe, RearEndEgoStruck].into(),
         when: None,
+        requires: Default::default(),
     }
 }
 
@@ -123,6 +126,8 @@ fn contact(adversary: bool) -> Contact {
         class: ContactClass::CutIn,
         visible_s: Some(2.0),
         avoidable: Some(true),
+        fault: None,
+        jury: None,
     }
 }
 
@@ -336,6 +341,43 @@ fn a_contact_is_a_success_only_where_the_program_brought_it_about() {
 }
 
 #[test]
+fn each_thing_that_a_contact_needs_can_be_left_unasked_and_then_counts_nothing() {
+    use evodrive::objects::{AttackRequirement::*, Required};
+    let met = contact(true).with;
+    let label = |(adversary, acted, anyway), requires| {
+        let mut record = labelled("a", true);
+        record.outcome.adversaries[0].acted = acted;
+        record.outcome.contact = Some(contact(adversary));
+        record.meets_anyway = Some(met).filter(|_| anyway);
+        let mut options = options();
+        options.attack.requires = requires;
+        scene_score(&record, Digest::of_bytes(b"request"), Digest::of_bytes(b"stored"), &options).attack
+    };
+    let cases = [((false, true, false), Adversary), ((true, false, false), Acts), ((true, true, true), NotMetAnyway)];
+    for (case, missing) in cases {
+        let others = [Adversary, Acts, NotMetAnyway].into_iter().filter(|of| *of != missing);
+        assert_eq!(label(case, Required::default()), 0.0, "{missing:?} is asked for");
+        assert_eq!(label(case, Required::only([missing])), 0.0, "{missing:?}");
+        assert_eq!(label(case, Required::only(others)), 1.0, "{missing:?} is not");
+    }
+    assert_eq!(label((false, false, true), Required::only([])), 1.0, "any crash of the ego");
+}
+
+#[test]
+fn a_poor_recording_excuses_only_where_the_options_say_so() {
+    let mut record = labelled("a", true);
+    let own = Feasibility { off_road_m: 50.0, ..Feasibility::default() };
+    (record.outcome.adversaries[0].simulated, record.outcome.adversaries[0].recorded) = (own, Some(own));
+    let realism = |excuses_recordings| {
+        let mut options = options();
+        options.realism.excuses_recordings = excuses_recordings;
+        scene_score(&record, Digest::of_bytes(b"request"), Digest::of_bytes(b"stored"), &options).realism
+    };
+    assert_eq!(realism(true), 1.0);
+    assert!((realism(false) - 0.8).abs() < 1e-12, "the weight of map_validity is lost: {}", realism(false));
+}
+
+#[test]
 fn realism_is_of_the_scenes_acted_in_and_the_plain_mean_stands_beside_it() {
     // Example of docs/OBJECTIVES.md: of four scenes two are acted in, with realism 1 and 0.9; one of the two is a success.
     // In a third the ego runs into the adversary that does what it did anyway.
@@ -357,6 +399,12 @@ fn realism_is_of_the_scenes_acted_in_and_the_plain_mean_stands_beside_it() {
     };
     let score = evaluate_with(&label, &Notebook::default(), 2).unwrap();
     assert!((score.objectives.realism - 0.9).abs() < 1e-12 && (score.realism_all - 0.975).abs() < 1e-12);
+    // The paper's plain mean as the objective.
+    let mut plain = options();
+    plain.realism.mean = evodrive::objects::RealismMean::Plain;
+    let by_mean = score_of(score.scenes.clone(), Vec::new(), plain.rules()).unwrap();
+    assert!((by_mean.objectives.realism - 0.975).abs() < 1e-12);
+    assert_eq!((by_mean.realism_name(), score.realism_name()), ("plain realism", "strict realism"));
 }
 
 #[test]
@@ -374,8 +422,7 @@ fn a_program_that_acts_nowhere_has_neither_attack_nor_realism_and_adds_no_area()
         epsilon_pf: 1e-6,
         level: 0.8,
         coverage_floor: 0.8,
-        promotion: evodrive::archive::PromotionRule::LargestHypervolumeGain,
-        race: None,
+        ..ArchiveOptions::default()
     };
     let parent = evodrive::objects::Objectives { attack: 0.3, realism: 0.6 };
     assert_eq!(pf_area_pct(&[parent], &[score.objectives], 3, &options), 0.0);
@@ -410,6 +457,28 @@ fn every_part_of_a_rollout_request_is_in_its_key() {
     ] {
         assert_ne!(key, other.unwrap());
     }
+}
+
+#[test]
+fn the_reading_at_fault_counts_what_nuplans_rule_blames_the_ego_for_and_is_an_expression_like_any() {
+    use evodrive::sim::Fault;
+    let read = |text: &str| serde_json::from_str::<AttackOptions>(text);
+    let attack = read("{\"reading\": \"at_fault\", \"counts\": [], \"counts_if_avoidable\": []}").unwrap();
+    assert!(attack.when.as_ref().is_some_and(|when| when.text() == AT_FAULT && when.asks_at_fault()));
+    let options = MetadriveOptions { attack, ..options() };
+    let score = |fault: Option<Fault>, meets_anyway: Option<ActorRef>| {
+        let outcome = outcome(vec![report()], Some(Contact { fault, ..contact(true) }));
+        let met = RolloutRecord { meets_anyway, outcome, ..labelled("a", true) };
+        scene_score(&met, Digest::of_bytes(b"q"), Digest::of_bytes(b"r"), &options)
+    };
+    let counted = Fault::ALL.map(|fault| score(Some(fault), None).attack);
+    assert_eq!(counted, [0.0, 1.0, 0.0, 1.0, 0.0, 1.0]);
+    assert_eq!(score(None, None).attack, 0.0, "who was not asked blames nobody");
+    assert_eq!(score(Some(Fault::ActiveFront), Some(ActorRef::Track(0))).attack, 0.0, "plain replay has it, too");
+    let clause = score(Some(Fault::ActiveRear), None).contact.and_then(|met| met.fault);
+    assert_eq!(clause.as_deref(), Some("active_rear"));
+    let both = "{\"reading\": \"at_fault\", \"when\": \"contact\", \"counts\": [], \"counts_if_avoidable\": []}";
+    assert!(read(both).unwrap_err().to_string().contains("leave one of them out"));
 }
 
 #[test]

@@ -395,6 +395,18 @@ fn a_program_tries_drafts_of_its_answer_and_is_told_where_only_if_it_wants_to() 
 }
 
 #[test]
+fn a_programs_words_are_files_beside_the_experiment_wherever_the_command_is_typed() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::create_dir(dir.path().join("mine")).unwrap();
+    std::fs::write(dir.path().join("mine/ask.sh"), "printf '{\"x\": 1}'; test \"$1\" = mine/absent").unwrap();
+    let command = "[roles]\nactor = \"me\"\n[models.me]\nkind = \"command\"\nmodel = \"a-script\"\nprovenance = \"sh\"\n\
+         [models.me.command]\nprogram = [\"sh\", \"mine/ask.sh\", \"mine/absent\"]\ntimeout_s = 60\n";
+    let path = small(dir.path(), "beside", command);
+    let elsewhere = tempfile::tempdir().unwrap();
+    Ran::of(record(dir.path(), &path, "1").current_dir(elsewhere.path())).root();
+}
+
+#[test]
 fn what_a_provider_said_is_sealed_and_cannot_be_rewritten() {
     let dir = tempfile::tempdir().unwrap();
     let script = "printf '{\"x\": 1}'";

@@ -54,6 +54,24 @@ fn a_note_on_a_seed_goes_with_its_own_file_and_seeds_alone_and_moves_no_digest()
 }
 
 #[test]
+fn what_describes_a_base_does_not_describe_what_stands_above_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let (own, above) = (dir.path().join("own.toml"), dir.path().join("above.toml"));
+    std::fs::write(&own, crate::harness::text("experiments/quickstart.toml")).unwrap();
+    let described = |text: &str, set: &[&str]| {
+        std::fs::write(&above, text).unwrap();
+        let set: Vec<String> = set.iter().map(|of| of.to_string()).collect();
+        Experiment::read_under(&above, &set).unwrap_or_else(|error| panic!("{error}")).describes
+    };
+    let silent = "base = \"own.toml\"\nname = \"above\"\n";
+    assert_eq!(described(silent, &[]), "based on own.toml");
+    assert_eq!(described(silent, &["budget.slots=2"]), "based on own.toml");
+    let telling = format!("{silent}describes = \"another\"\n");
+    assert_eq!(described(&telling, &["budget.slots=2"]), "another");
+    assert_eq!(described(&telling, &["describes=typed"]), "typed");
+}
+
+#[test]
 fn every_experiment_file_is_read_and_names_families_and_parameters_that_exist() {
     let folders = ["", "/ablations", "/llm", "/metadrive", "/readings", "/safebench", "/world"]
         .map(|of| format!("experiments{of}"));

@@ -55,6 +55,14 @@ fn a_planner_is_recorded_and_its_run_replays_without_it() {
     }
     let proposals = crate::harness::run(&["table", "proposals", "--run", &of]).stdout;
     assert!(proposals.contains("| idm.py | "), "{proposals}");
+    // The page says who drives, and how often it crashes into anybody beside how often it is attacked.
+    assert_eq!(crate::harness::run(&["report", &of]).code, 0);
+    let page = std::fs::read_to_string(Path::new(&of).join("report.html")).unwrap();
+    let (above, _) = page.split_once("<script id=\"data\"").unwrap();
+    assert!(above.contains("driver under test (idm.py)") && above.contains(" % of the scenes (any crash "), "{above}");
+    assert!(
+        crate::harness::report_data(&page)[0]["lineages"].as_array().unwrap().iter().all(|of| of["ego"] == "idm.py")
+    );
     // A program that was evolved against a planner leaves its run too: who plays it names the ego.
     let here = |args: &[&str]| Ran::of(evodrive().current_dir(folder.path()).args(args));
     let run = crate::harness::folder_below(&folder.path().join("a")).display().to_string();
@@ -139,8 +147,8 @@ fn egos_and_apply_take_the_planner_itself_and_a_table_that_names_it_for_the_same
     assert_eq!(egos.code, 0, "{}", egos.stderr);
     let object: serde_json::Value = serde_json::from_str(&egos.stdout).unwrap();
     let figures = |at: usize| object["egos"][at]["figures"].clone();
-    assert_eq!(figures(3), figures(4), "{object}");
-    assert_ne!(figures(3), figures(0), "it drives otherwise than replay: {object}");
+    assert_eq!(figures(4), figures(5), "{object}");
+    assert_ne!(figures(4), figures(0), "it drives otherwise than replay: {object}");
     here(&["record", path.to_str().unwrap(), "--no-report"]).root();
     let run = crate::harness::folder_below(&home.join("runs")).display().to_string();
     assert_eq!(here(&["program", "export", &run, "cat-idm/parent", "--out", "program.json"]).code, 0);
@@ -167,8 +175,8 @@ fn examples_drive_the_held_out_scenes_and_a_planner_that_crashes_says_where() {
     assert_eq!(ran.code, 0, "{}", ran.stderr);
     let object: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
     let egos = object["egos"].as_array().unwrap();
-    assert_eq!(egos.len(), 5, "replay, idm, pdm, the experiment's and the named one: {object}");
-    for ego in &egos[3..] {
+    assert_eq!(egos.len(), 6, "replay, idm, pdm, frenet, the experiment's and the named one: {object}");
+    for ego in &egos[4..] {
         let driven = ego["figures"]["route_completion"].as_f64().unwrap();
         assert!(driven > 0.3 && ego["figures"]["off_road_rate"] == 0.0, "{ego}");
     }

@@ -407,6 +407,18 @@ fn attempts_that_left_no_program_and_unknown_names_are_told() {
     let ran = run(&["program", "export", path(folder), "cat-idm/e0s99"]);
     assert_eq!(ran.code, 2);
     assert!(ran.stderr.contains("no attempt `cat-idm/e0s99`"), "{}", ran.stderr);
+    // Without an attempt those that the run reports are named, each with its command.
+    let evolved = recorded_run.result.as_ref().unwrap().lineages[0].evolved.solution.clone();
+    for words in [vec!["program", "export", path(folder)], vec!["program", "export", "--run", path(folder)]] {
+        let ran = run(&words);
+        assert_eq!(ran.code, 2);
+        let suggested = format!("evodrive program export --run {} {evolved}\n", folder.display());
+        assert!(ran.stderr.contains(&suggested), "{}", ran.stderr);
+    }
+    let ran = run(&["program", "export", path(folder), evolved.as_str(), "--run", path(folder)]);
+    assert!(ran.code == 2 && ran.stderr.contains("named twice"), "{}", ran.stderr);
+    let by_option = run(&["program", "export", "--run", path(folder), evolved.as_str()]);
+    assert!(by_option.code == 0 && by_option.stdout.contains(evolved.as_str()), "{}", by_option.stderr);
     let shown = run(&["program", "show", path(folder), &exported().2]);
     for word in ["from     ", "changed of cat-idm/parent", "operator_graph", "ego idm"] {
         assert!(shown.stdout.contains(word), "{word:?} is not in {}", shown.stdout);

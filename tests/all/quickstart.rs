@@ -347,8 +347,10 @@ fn help_texts_are_goldens() {
     for command in ["create", "inspect", "verify", "import"] {
         text += &format!("\n---- evodrive bundle {command} --help\n{}", run(&["bundle", command, "--help"]).stdout);
     }
-    let scenes =
-        ["import", "generate", "check", "filter", "merge", "split", "list", "show", "best", "draw", "export", "stats"];
+    let scenes = [
+        "import", "generate", "check", "filter", "merge", "split", "list", "show", "best", "draw", "browse", "export",
+        "stats",
+    ];
     for command in scenes {
         text += &format!("\n---- evodrive scenes {command} --help\n{}", run(&["scenes", command, "--help"]).stdout);
     }

@@ -10,7 +10,7 @@ use crate::harness::report_data;
 use crate::quickstart::finished;
 
 /// As in the quickstart.
-const SELECTOR: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05, also_at: None };
+const SELECTOR: SelectorOptions = SelectorOptions::at(0.95, 0.05);
 
 fn page(run: &RecordedRun, stage: &Stage) -> String {
     let words = Words::default();
@@ -143,7 +143,7 @@ fn what_happens_in_the_scenes_gained_is_said_of_those_that_were_gained() {
             line.match_indices(after).find_map(|(at, _)| line[..at].rsplit_once(before)).map(|(_, number)| number);
         ends.and_then(|number| number.trim().parse().ok()).unwrap_or_else(|| panic!("{before} … {after}: {line}"))
     };
-    let gained = number("%: ", " scenes gained");
+    let gained = number("%): ", " scenes gained");
     assert_eq!(number("In the ", " scenes gained the ego m"), gained, "{line}");
     assert!(line.contains(" s before the contact (medians)."), "{line}");
     // Without rollouts nobody knows.

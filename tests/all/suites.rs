@@ -184,6 +184,158 @@ fn thresholds_turn_the_exit_code_and_an_empty_selection_is_an_error() {
     assert_eq!(eased.code, 0, "an option is above the file's: {}", eased.stdout);
 }
 
+/// The text of a file in the shared folder.
+fn written(name: &str) -> String {
+    std::fs::read_to_string(shared().path(name)).unwrap()
+}
+
+#[test]
+fn a_failure_is_explained_wherever_it_is_told() {
+    let files = ["why.xml", "why.csv", "why.html"].map(|name| shared().path(name));
+    let told = drive(&["--driver", "idm", "--junit", &files[0], "--csv", &files[1], "--html", &files[2]]);
+    let told = json(&told);
+    let crashed: Vec<&Value> =
+        cases(&told).into_iter().filter(|case| !case["came"]["driven"]["contact"].is_null()).collect();
+    assert!(crashed.len() > 2, "{told}");
+    for case in cases(&told) {
+        let contact = &case["came"]["driven"]["contact"];
+        assert_eq!(case["timeline"]["contact_s"], contact["time_s"], "{case}");
+        match case["family"] == "plain" {
+            true => assert!(case["realism"].is_null(), "{case}"),
+            false => assert!((0.0..=1.0).contains(&case["realism"].as_f64().unwrap()), "{case}"),
+        }
+        // A preventable contact leaves a chance as late as a careful driver's reaction.
+        if contact["avoidable"] == true {
+            let seen_s = case["timeline"]["visible_s"].as_f64().unwrap();
+            let chances = case["timeline"]["chances"].as_array().unwrap();
+            let last_s = chances.iter().filter_map(|chance| chance["last_s"].as_f64()).fold(0.0, f64::max);
+            assert!(last_s >= seen_s + 1.15, "{case}");
+        }
+    }
+    let kinds = told["failures"]["kinds"].as_array().unwrap();
+    let counted: usize = kinds.iter().map(|kind| kind["cases"].as_array().unwrap().len()).sum();
+    assert!(counted >= crashed.len() && kinds.len() > 1, "{}", told["failures"]);
+    let [xml, csv, html] = ["why.xml", "why.csv", "why.html"].map(written);
+    let within = |text: &str| text.matches(" before the contact").count();
+    assert_eq!(within(&xml), crashed.len(), "{xml}");
+    assert_eq!(
+        csv.lines().filter(|line| line.contains(", seen") || line.contains("never seen")).count(),
+        crashed.len()
+    );
+    assert_eq!(html.matches("<div class=\"line\"").count(), crashed.len());
+    let headline = told["failures"]["headline"].as_str().unwrap();
+    assert!(html.contains(headline) && headline.contains(" of one kind: "), "{headline}");
+    // What is played first is the worst.
+    let worst = kinds[0]["cases"][0].as_str().unwrap();
+    assert!(html.contains(&format!("<b>{worst}</b> <button data-play=\"0\">")), "{worst}");
+    let text = run(&["suite", "run", &shared().path("one.suite"), "--driver", "idm"]).stdout;
+    assert!(text.contains(&format!("failures: {headline}")) && text.contains("worst first: "), "{text}");
+}
+
+#[test]
+fn results_stand_side_by_side_with_the_scenes_that_were_lost_first() {
+    let drivers = ["standing", "idm", "replay"];
+    let results = drivers.map(|driver| shared().path(&format!("beside-{driver}.json")));
+    for (driver, out) in drivers.iter().zip(&results) {
+        assert_eq!(drive(&["--driver", driver, "--out", out]).code, 0, "{driver}");
+    }
+    let page = shared().path("beside.html");
+    let suite = shared().path("one.suite");
+    let wanted = ["suite", "compare", &results[0], &results[1], &results[2], "--suite", &suite, "--html", &page];
+    let text = run(&wanted);
+    assert_eq!(text.code, 0, "{}", text.stderr);
+    let told = json(&run(&[&["--json"], &wanted[..]].concat()));
+    let scenes = told["scenes"].as_array().unwrap();
+    let changes: Vec<&str> = scenes.iter().map(|of| of["change"].as_str().unwrap()).collect();
+    let lost = changes.iter().filter(|change| **change == "lost").count();
+    assert!(scenes.len() == 15 && lost > 0 && changes[..lost].iter().all(|change| *change == "lost"), "{changes:?}");
+    assert_eq!(told["compared"].as_array().unwrap().len(), 2, "each against the first");
+    let html = written("beside.html");
+    let mut at = 0;
+    for scene in scenes {
+        let name = format!("<b>{}</b>", scene["case"].as_str().unwrap());
+        let next = html.find(&name).unwrap_or_else(|| panic!("{name}"));
+        assert!(next > at, "{name} comes too early");
+        at = next;
+    }
+    assert!(drivers.iter().all(|driver| html.contains(&format!("] {driver} ("))) && !html.contains("://"));
+    assert!(
+        text.stdout.contains("lost: the first passes, the last fails") && text.stdout.contains("[3] "),
+        "{}",
+        text.stdout
+    );
+    let one = run(&["suite", "compare", &results[0]]);
+    assert!(one.code == 2 && one.stderr.contains("2 values required"), "{}", one.stderr);
+    let other = run(&["suite", "compare", &results[0], &results[1], "--html", &shared().path("beside.pdf")]);
+    assert!(other.code == 2 && other.stderr.contains("expected a name that ends in .html"), "{}", other.stderr);
+}
+
+#[test]
+fn a_floor_of_realism_leaves_out_what_is_below_it_and_is_no_part_of_a_suite_without_one() {
+    let least = |suite: &str| {
+        let told = json(&run(&["--json", "suite", "run", suite, "--driver", "idm"]));
+        cases(&told).into_iter().filter_map(|case| case["realism"].as_f64()).fold(f64::INFINITY, f64::min)
+    };
+    let shared = shared();
+    assert!(least(&shared.path("one.suite")) < 0.9);
+    let floored = freeze(shared, "floor.suite", &["--min-realism", "0.9"]);
+    assert_eq!(floored.code, 0, "{}", floored.stderr);
+    assert!(floored.stderr.contains("less realistic than --min-realism"), "{}", floored.stderr);
+    assert!(least(&shared.path("floor.suite")) >= 0.9);
+    let head = |name: &str| String::from_utf8_lossy(&unpacked(&shared.path(name))).contains("min_realism");
+    assert_eq!([head("one.suite"), head("floor.suite")], [false, true]);
+    let refused = freeze(shared, "no.suite", &["--min-realism", "90"]);
+    assert!(
+        refused.code == 2 && refused.stderr.contains("--min-realism: expected 0 to 1, found 90"),
+        "{}",
+        refused.stderr
+    );
+}
+
+/// The cards of a page of scenes.
+fn cards(page: &str) -> Vec<Value> {
+    let (_, rest) = page.split_once("id=\"scenes\">").unwrap();
+    serde_json::from_str(rest.split_once("</script>").unwrap().0).unwrap()
+}
+
+#[test]
+fn scenes_are_browsed_by_name_place_and_contact_and_a_page_of_many_stays_small() {
+    let (pool, suite) = (shared().path("few.pool"), shared().path("one.suite"));
+    let browse = |of: &str, name: &str, more: &[&str]| {
+        let page = shared().path(name);
+        let ran = run(&[&["--json", "scenes", "browse", of, "--html", &page], more].concat());
+        assert_eq!(ran.code, 0, "{}", ran.stderr);
+        (json(&ran), written(name))
+    };
+    let (told, page) = browse(&pool, "pool.html", &[]);
+    let all = cards(&page);
+    assert_eq!((&told["scenes"], &told["shown"], all.len()), (&14.into(), &14.into(), 14));
+    let names: std::collections::BTreeSet<&str> = all.iter().map(|card| card["name"].as_str().unwrap()).collect();
+    assert!(names.len() == 14 && names.iter().all(|name| name.contains(' ')), "{names:?}");
+    let listed = json(&run(&["--json", "scenes", "list", &pool]));
+    for (card, row) in all.iter().zip(listed["scenes"].as_array().unwrap()) {
+        assert_eq!((&card["id"], &card["users"]), (&row["id"], &row["tracks"]));
+        let plan = &card["plan"];
+        let drawn = |field: &str| plan[field].as_array().unwrap().len();
+        assert!(drawn("lanes") > 0 && drawn("ego") >= 4 && serde_json::to_string(card).unwrap().len() < 6000, "{card}");
+    }
+    assert!(
+        !page.contains("http://") && !page.contains("https://") && !page.contains(" src="),
+        "it is whole by itself"
+    );
+    let (told, page) = browse(&pool, "three.html", &["--most", "3"]);
+    assert_eq!((&told["shown"], cards(&page).len()), (&3.into(), 3));
+    assert!(page.contains("3 of 14 scenes") && page.contains("11 are not on this page"), "what is left out is said");
+    let (_, page) = browse(&suite, "suite.html", &[]);
+    let shown = json(&run(&["--json", "suite", "show", &suite]));
+    for (card, case) in cards(&page).iter().zip(cases(&shown)) {
+        assert_eq!((&card["id"], &card["source"]), (&case["case"], &case["family"]));
+        let class = case["class"].as_str().unwrap().replace("none", "no contact").replace('_', " ");
+        assert_eq!(card["class"].as_str().unwrap(), class);
+        assert!(card["command"].as_str().unwrap().contains("scenes show"), "{card}");
+    }
+}
+
 #[test]
 fn two_versions_of_a_planner_are_told_apart_and_recorded_answers_need_no_python() {
     if !python() {
@@ -456,6 +608,64 @@ fn scenes_of_a_suite_are_listed_shown_and_exported() {
     assert_eq!(exported["scenes"].as_array().unwrap().len(), 1, "{exported}");
 }
 
+/// In the shipped suite 21 of 31 crossings are staged for SafeBench, where no planner plays: such a pair came to 69 and 68 crashes there.
+#[test]
+fn a_planner_that_ignores_crossing_traffic_is_told_apart_from_its_mend_by_a_suite_of_crossings() {
+    if !python() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let text = "base = \"evodrive:metadrive\"\nname = \"many\"\ndescribes = \"many scenes\"\ncassette = \"many.jsonl\"\n\
+                [scenes]\ncount = 240\nseed = 20261126\n[scenes.options]\ntracks_per_scene = 10\nattempts_max = 400\n\
+                [split]\nevolution = { count = 30 }\nheld_out = 30\n\
+                [[lineage]]\nid = \"cat-idm\"\nfamily = \"cat\"\nego = \"idm\"\n";
+    std::fs::write(at("many.toml"), text).unwrap();
+    let done = |args: &[&str]| {
+        let ran = run(args);
+        assert_eq!(ran.code, 0, "{}{}", ran.stdout, ran.stderr);
+        ran
+    };
+    done(&["scenes", "generate", &at("many.toml"), "--out", &at("many.pool")]);
+    let (pool, suite) = (at("many.pool"), at("crossings.suite"));
+    let wanted = ["--class", "crossing", "--per-family", "20", "--plain-share", "0.1"];
+    done(&[&["suite", "freeze", "--scenes", &pool, "--out", &suite][..], &CROSSING_PARENTS[..], &wanted[..]].concat());
+    // The mend brakes for whoever keeps course and speed into its way.
+    let returns = "        return self.accelerate";
+    let mend = format!("{MEND}{returns}");
+    let results = [("ignoring", None), ("mended", Some((returns, mend.as_str())))].map(|(name, replaced)| {
+        let (_folder, path) = planner(&format!("{name}.py"), replaced.as_slice());
+        let out = at(&format!("{name}.json"));
+        done(&["suite", "run", &suite, "--driver", path.to_str().unwrap(), "--out", &out]);
+        out
+    });
+    let compared = json(&done(&["--json", "suite", "compare", &results[0], &results[1]]));
+    let all = &compared["compared"]["rows"][0];
+    let (ignoring, mended) = (all["first_crashes"].as_u64().unwrap(), all["second_crashes"].as_u64().unwrap());
+    assert!(all["chance"].as_f64().unwrap() < 0.05 && mended < ignoring, "{all}");
+    // Every case is playable, and each reading is said of both.
+    let made: Value = json(&done(&["--json", "suite", "show", &suite]));
+    let classes: Vec<&str> = cases(&made).iter().map(|case| case["class"].as_str().unwrap()).collect();
+    assert!(classes.iter().filter(|class| **class == "crossing").count() >= 20, "{classes:?}");
+    assert_eq!(all["scenes"].as_u64().unwrap() as usize, classes.len());
+    assert!(all["at_fault"].as_array().unwrap().iter().all(Value::is_u64), "{all}");
+    let same = json(&done(&["--json", "suite", "compare", &results[0], &results[0]]));
+    assert_eq!(same["compared"]["rows"][0]["chance"], 1.0);
+}
+
+/// Families that bring crossings about in traffic that is not staged.
+const CROSSING_PARENTS: [&str; 8] =
+    ["--parents", "cat", "--parents", "adv_bmt", "--parents", "llm_attacker", "--parents", "seal"];
+
+/// What mends the example of an IDM where it ignores crossing traffic: where it and another would be at one time, if both went on.
+const MEND: &str = r#"        for other in step["neighbours"]:
+            for t in (0.4, 0.8, 1.2, 1.6, 2.0):
+                place = [p + t * u for p, u in zip(other["position"], other["velocity"])]
+                x, y = local(step, place)
+                if local(step, other["position"])[0] > 0.0 and abs(x - v * t) < 6.0 and abs(y) < 2.5:
+                    return -8.0, pursuit(scene, step, max(4.0, 0.6 * v))
+"#;
+
 #[test]
 fn the_shipped_suite_holds_every_family_and_its_leaderboard_is_the_golden_one() {
     let suite = "golden/suite/starter.suite";
@@ -471,7 +681,7 @@ fn the_shipped_suite_holds_every_family_and_its_leaderboard_is_the_golden_one() 
     let page = crate::harness::text("docs/SUITES.md");
     for row in golden.lines().filter(|line| line.starts_with("| ")).skip(1).take(5) {
         let cells: Vec<&str> = row.trim_matches('|').split(" | ").map(str::trim).collect();
-        let told = [cells[0].trim_end_matches(".safetensors"), cells[3], cells[4], cells[7]].join(" | ");
+        let told = [cells[0].trim_end_matches(".safetensors"), cells[3], cells[4], cells[8]].join(" | ");
         assert!(page.contains(&told), "docs/SUITES.md does not say {told}");
     }
 }
@@ -635,7 +845,7 @@ fn a_forged_result_is_named_whoever_reads_it() {
     assert!(own.result.cases.iter().any(|played| played.passed()), "{:?}", own.result);
     // What a forger writes into the result, with its seal made anew.
     type Change<'c> = &'c dyn Fn(&mut SuiteResult);
-    let changes: [(&str, Change<'_>, &str); 10] = [
+    let changes: [(&str, Change<'_>, &str); 12] = [
         ("cut", &|of| of.cases.retain(|played| !played.crashed()), "of 7 cases are missing"),
         (
             "cut, and selected so",
@@ -662,6 +872,22 @@ fn a_forged_result_is_named_whoever_reads_it() {
             &|of| {
                 let k = crashed(of);
                 of.cases[k].came = evodrive::suite::Came::Unplayable { reason: "no".into() };
+            },
+            "recorded answers come to",
+        ),
+        (
+            "another realism",
+            &|of| {
+                let k = of.cases.iter().position(|played| played.realism.is_some()).unwrap();
+                of.cases[k].realism = of.cases[k].realism.map(|realism| 0.5 * realism);
+            },
+            "recorded answers come to",
+        ),
+        (
+            "another reason",
+            &|of| {
+                let k = crashed(of);
+                of.cases[k].timeline.as_mut().unwrap().visible_s = Some(0.3);
             },
             "recorded answers come to",
         ),

@@ -111,7 +111,7 @@ fn forged_label(events: &mut [Said]) {
         .expect("a label");
     label["realism"] = json!(0.999);
     let labels: Vec<evodrive::objects::SceneScore> = serde_json::from_value(json!(scenes)).unwrap();
-    let realism = evodrive::objects::RealismSums::of(&labels).realism().unwrap();
+    let realism = evodrive::objects::RealismSums::of(&labels).realism(Default::default()).unwrap();
     let all = labels.iter().map(|label| label.realism).sum::<f64>() / labels.len() as f64;
     held_out["score"]["objectives"]["realism"] = json!(realism);
     held_out["score"]["realism_all"] = json!(all);

@@ -92,9 +92,20 @@ fn a_cell_is_told_in_layers_each_of_which_names_the_next() {
     let (scene, attempt) = (option("--scene "), option("--attempt "));
     let (code, printed) = asked(&["why", "metadrive-main:cat:attack", "--scene", &scene]);
     assert_eq!(code, 0, "{printed}");
-    for word in ["contact: ", "rollout key ", "rollout record ", "evodrive impact "] {
+    for word in ["contact: ", "rollout key ", "rollout record ", "evodrive impact ", "what led to the contact: "] {
         assert!(printed.contains(word), "{word}: {printed}");
     }
+    // The same time line as an object, of a contact that was recorded with the same sight of the threat.
+    let json: Value =
+        serde_json::from_str(&asked(&["--json", "why", "metadrive-main:cat:attack", "--scene", &scene]).1).unwrap();
+    let timelines = json["timelines"].as_array().unwrap();
+    let told =
+        timelines.iter().filter(|of| of["timeline"]["chances"].as_array().is_some_and(|all| all.len() == 5)).count();
+    assert_eq!(
+        (told, printed.matches(" s before the contact").count() > 0),
+        (printed.matches("what led to").count(), true),
+        "{json}"
+    );
     let (code, printed) = asked(&["why", "metadrive-main:cat:attack", "--attempt", &attempt]);
     assert_eq!(code, 0, "{printed}");
     for word in ["[0] cat-idm/parent  program ", "evodrive show "] {

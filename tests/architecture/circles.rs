@@ -32,6 +32,7 @@ const ALLOWED: &[(&str, &str)] = &[
     ("llm/client llm/request", "a request and its client"),
     ("live/anthropic live/openai live/protocol live/spend", "a protocol and those who speak it"),
     ("objects/expr/lex objects/expr/parse objects/expr/tree", "a tree, and the parser that makes it"),
+    ("sim/encounters/avoidance sim/encounters/jury", "a rollout that is lived through again, and those who watch it"),
     ("synth/network synth/node", "a network, and the nodes that are made of it"),
 ];
 

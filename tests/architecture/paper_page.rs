@@ -39,6 +39,27 @@ fn page() -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/PAPER.md")).expect("docs/PAPER.md")
 }
 
+/// Keys of an experiment file that a text names between backquotes.
+fn keys(text: &str) -> Vec<&str> {
+    let is_key = |word: &&str| {
+        let parts: Vec<&str> = word.split('.').collect();
+        let plain = |part: &&str| {
+            !part.is_empty() && part.chars().all(|c| c.is_ascii_lowercase() || c == '_' || c.is_ascii_digit())
+        };
+        parts.len() > 1 && parts.iter().all(plain) && !["rs", "toml", "md"].contains(&parts[parts.len() - 1])
+    };
+    text.split('`').skip(1).step_by(2).filter(is_key).collect()
+}
+
+/// The keys of a protocol file with a value of their own, as the page of keys names them.
+fn set(table: &toml::Table, above: &str) -> Vec<String> {
+    let of = |(key, value): (&String, &toml::Value)| match value {
+        toml::Value::Table(inner) => set(inner, &format!("{above}{key}.")),
+        _ => vec![format!("{above}{key}")],
+    };
+    table.iter().flat_map(of).collect()
+}
+
 fn file(path: &str) -> Option<String> {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src").join(path)).ok()
 }
@@ -60,4 +81,19 @@ fn a_place_that_does_not_exist_a_verdict_of_ones_own_and_a_difference_without_a_
     assert_eq!(refused(row("`objects/scores.rs#dominates`", "same", "")), 1);
     assert_eq!(refused(row("`objects/score.rs#dominates`", "alike", "x")), 1);
     assert_eq!(refused(row("`objects/score.rs#dominates`", "differs", "")), 1);
+}
+
+#[test]
+fn the_page_names_every_rule_that_the_papers_protocol_switches_and_no_key_that_there_is_not() {
+    let read = |path: &str| std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).expect(path);
+    let (page, known) = (page(), read("docs/EXPERIMENT.md"));
+    let unknown: Vec<&str> = keys(&page).into_iter().filter(|key| !known.contains(&format!("|`{key}`"))).collect();
+    assert_eq!(unknown, Vec::<&str>::new(), "keys of docs/PAPER.md that docs/EXPERIMENT.md does not have");
+    assert_eq!(keys("`archive.fronts`, `archive.rs`, `gates`"), ["archive.fronts"]);
+    let protocol: toml::Table = read("experiments/protocols/published.toml").parse().expect("a TOML table");
+    // Weights and numbers of the evaluator are values, not rules.
+    let values = ["base", "roles.", "world", "evaluation.realism.weights.", "evaluation.attack.counts"];
+    let rules = set(&protocol, "").into_iter().filter(|key| !values.iter().any(|value| key.starts_with(value)));
+    let unnamed: Vec<String> = rules.filter(|key| !page.contains(&format!("`{key}`"))).collect();
+    assert_eq!(unnamed, Vec::<String>::new(), "rules of published.toml that docs/PAPER.md does not name");
 }

@@ -42,8 +42,8 @@ pub struct Options {
     /// Without it the ego is IDM.
     #[arg(long)]
     pub driver: Option<PathBuf>,
-    /// Ego under test: idm, pdm, or learned, which is ChatScene's published SAC for SafeBench's families and ours for the others.
-    #[arg(long, default_value = "idm", value_parser = ["idm", "pdm", "learned"], conflicts_with = "driver")]
+    /// Ego under test: idm, pdm, frenet, or learned, which is ChatScene's published SAC for SafeBench's families and ours for the others.
+    #[arg(long, default_value = "idm", value_parser = ["idm", "pdm", "frenet", "learned"], conflicts_with = "driver")]
     pub ego: String,
 }
 

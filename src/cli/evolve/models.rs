@@ -49,7 +49,8 @@ pub fn askable(
                     // A run folder, and a cluster's worker, have it among what travels.
                     if beside.exists() { beside } else { folder.planner().join(file) }
                 };
-                let program = Command::new(command.placed(at), provenance, Processes::until(interrupt));
+                let beside = |word: &Path| Some(experiment.beside(word)).filter(|beside| beside.is_file());
+                let program = Command::new(command.placed(at, beside), provenance, Processes::until(interrupt));
                 Box::new(program.with_tries(command.tries.then(|| desk(folder, name, fresh)).transpose()?))
             }
             // Never asked itself.

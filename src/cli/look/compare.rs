@@ -16,6 +16,7 @@ use crate::evidence::tables::{
 use crate::experiment::composed;
 use crate::kernel::num;
 use crate::objects::SolutionId;
+use crate::text::counted;
 
 /// Characters of a value that a line shows.
 const SHOWN_CHARS: usize = 60;
@@ -284,7 +285,8 @@ fn text(first: &Side, second: &Side, rows: &[(String, Block)], changes: &[Change
     };
     text += "\
              realism: mean over the scenes that a program acts in; its difference is over the scenes in which both act\n\
-             strict realism: the smaller one of that and the mean over the program's successes; the search uses it\n";
+             strict realism: the smaller one of that and the mean over the program's successes; the search uses it\n\
+             needs: with so many, paired, a difference of this size shows at 5 % with 80 % power (docs/SEEDS.md)\n";
     text += match changes.is_empty() {
         true => "\nthe experiments are the same\n",
         false => "\nchanged in the experiment, A -> B:\n",
@@ -315,9 +317,12 @@ fn quantities(of: &Block) -> Aligned {
     let row = |row: &Compared| {
         let [a, b] = [row.first, row.second].map(|estimate| estimated(estimate, false));
         let fewer = if row.scenes < of.scenes() { format!("({} scenes)", row.scenes) } else { String::new() };
-        vec![row.quantity.to_string(), a, b, estimated(row.difference, true), fewer]
+        let count = |of: Option<usize>, what: &str| of.map(|of| counted(of, what));
+        let needed = row.needed.map(|of| [count(of.seeds, "seed"), count(of.scenes, "scene")]);
+        let needed = needed.into_iter().flatten().flatten().collect::<Vec<_>>().join(", ");
+        vec![row.quantity.to_string(), a, b, estimated(row.difference, true), needed, fewer]
     };
-    let heads = ["", "A", "B", "B - A", ""].map(String::from).to_vec();
+    let heads = ["", "A", "B", "B - A", "needs", ""].map(String::from).to_vec();
     Aligned { indent: 2, labels: 1, words: 1, heads, rows: of.quantities().iter().map(row).collect() }
 }
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::backend::Answers;
 use crate::cli::evolve::behind;
 use crate::cli::look::playables;
-use crate::cli::records::run_name::OneRun;
+use crate::cli::records::{folder::RunFolder, run_name::OneRun};
 use crate::cli::studies::packed;
 use crate::cli::terminal::exit::Failure;
 use crate::compiler::Decision;
@@ -14,11 +14,11 @@ use crate::draw::{Actor, Drawing, Role};
 use crate::epoch::{Player, Study, Traced, record_digest};
 use crate::evidence::RecordedRun;
 use crate::formats::{Inserted, Staging};
-use crate::kernel::Threads;
+use crate::kernel::{Digest, Threads};
 use crate::objects::replay::ReplayScene;
 use crate::objects::{LineageId, Program, SceneScore, SolutionId};
 use crate::scene::{DT_S, Sample, Scene};
-use crate::sim::{Action, ActorRef, ActorTrace, Intervention, Outcome, Trace};
+use crate::sim::{Action, ActorRef, ActorTrace, Intervention, Outcome, Timeline, Trace};
 
 /// Whose rollouts are meant, where scenes are wanted as a program played them.
 #[derive(Debug, Args)]
@@ -109,6 +109,43 @@ pub fn of_attempt(run: &OneRun, attempt: &str, scenes: &[String], jobs: usize) -
         Subject::Replay(replay) => play_replay(&player, replay, place),
     };
     threads.map(&places, |_, &place| play(place)).into_iter().collect()
+}
+
+/// What led to the contacts of programs of a run in one scene, by their names with the digests of their rollouts' records; of each the reason
+/// where it cannot be told.
+///
+/// # Errors
+/// The run's files cannot be read.
+pub fn timelines(
+    folder: &RunFolder,
+    programs: &[(&SolutionId, Digest)],
+    scene: &str,
+    jobs: usize,
+) -> Result<Vec<Result<Option<Timeline>, String>>, Failure> {
+    let (recorded_run, threads) = (folder.recorded()?, Threads::new(jobs)?);
+    let experiment = folder.read_experiment()?;
+    let study = experiment.study(folder.read_pool()?, &threads)?;
+    let replay = behind::replay_of(&experiment, folder)?;
+    let answers = replay.as_ref().map(|replay| replay as &dyn Answers);
+    let player = Player::of(&study, &recorded_run.counsels, behind::backend(&experiment, answers));
+    let place = study.scenes.iter().position(|entry| entry.scene().id == scene);
+    let one = |(name, record): &(&SolutionId, Digest)| {
+        let program = packed::find(&recorded_run, name.as_str()).map_err(|failure| failure.message)?;
+        let spec = study.lineages.iter().find(|spec| spec.id == program.lineage_id);
+        let (Some(spec), Some(place)) = (spec, place) else {
+            return Err("its lineage or its scene is gone".to_string());
+        };
+        let simulated =
+            record_digest(&player.trace(spec, program, place)?.record).map_err(|error| error.to_string())?;
+        match simulated == *record {
+            true => player.timeline(spec, program, place),
+            false => {
+                Err("its rollout comes out otherwise than recorded; `evodrive verify` names the first difference"
+                    .into())
+            }
+        }
+    };
+    Ok(threads.map(programs, |_, of| one(of)))
 }
 
 /// Ending of the name of a lineage's scenes without a program.

@@ -1,17 +1,19 @@
 //! `why`: from a cell of a table down to what it rests on.
 
 use clap::Args;
+use serde_json::json;
 use std::collections::BTreeMap;
 
-use crate::cli::look::table::Which;
+use crate::cli::look::{rollout, table::Which};
 use crate::cli::records::{folder::RunFolder, run_name::Runs};
 use crate::cli::terminal::answer::Answer;
 use crate::cli::terminal::exit::{Exit, Failure};
 use crate::evidence::tables::{Bases, Table};
+use crate::evidence::timeline_text::sentences;
 use crate::evidence::why::{Places, Why};
 use crate::evidence::{RecordedRun, cell};
 use crate::kernel::Digest;
-use crate::objects::event::kind;
+use crate::objects::{SolutionId, event::kind};
 use crate::store::{self, TextFault};
 
 /// Bytes that a cassette may have.
@@ -25,7 +27,7 @@ pub struct Options {
     pub cell: String,
     #[command(flatten)]
     pub runs: Runs,
-    /// The labels of one scene: contact, diagnostics, digests of its rollout.
+    /// The labels of one scene: contact and what led to it, diagnostics, digests of its rollout.
     #[arg(long)]
     pub scene: Option<String>,
     /// One program: its patches back to the parent, reviews, questions and answers.
@@ -68,7 +70,12 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         _ if options.full => why.full(),
         _ => why.short(),
     };
-    let json = why.json();
+    let mut json = why.json();
+    if let Some(scene) = &options.scene {
+        let timelines = led_to(&folders, &why, scene, jobs)?;
+        text += &timelines.iter().map(|(line, _)| line.as_str()).collect::<String>();
+        json["timelines"] = timelines.into_iter().map(|(_, object)| object).collect();
+    }
     if why.agrees() {
         return Ok(Answer::new(text, json));
     }
@@ -77,6 +84,33 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         why.printed()
     ));
     Ok(Answer { exit: Exit::Divergence, ..Answer::new(text, json) })
+}
+
+/// What led to each contact in a scene that the cell rests on, as a line and as an object.
+fn led_to(
+    folders: &[RunFolder],
+    why: &Why<'_>,
+    scene: &str,
+    jobs: usize,
+) -> Result<Vec<(String, serde_json::Value)>, Failure> {
+    let (contacts, mut lines) = (why.contacts(scene), Vec::new());
+    for (at, folder) in folders.iter().enumerate() {
+        let own: Vec<(&SolutionId, Digest)> =
+            contacts.iter().filter(|(run, ..)| *run == at).map(|(_, solution, record)| (solution, *record)).collect();
+        if own.is_empty() {
+            continue;
+        }
+        for ((solution, _), timeline) in own.iter().zip(rollout::timelines(folder, &own, scene, jobs)?) {
+            let (said, timeline, reason) = match timeline {
+                Ok(Some(timeline)) => (sentences(&timeline), Some(timeline), None),
+                Ok(None) => continue,
+                Err(reason) => (format!("cannot be told: {reason}"), None, Some(reason)),
+            };
+            let object = json!({"run": folder.dir, "program": solution, "timeline": timeline, "reason": reason});
+            lines.push((format!("  {solution}: what led to the contact: {said}\n"), object));
+        }
+    }
+    Ok(lines)
 }
 
 /// Table, row and column of `TABLE:ROW:COLUMN`.

@@ -1,6 +1,7 @@
 //! A run folder: everything that a run rests on and leaves behind, named by its inputs.
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::adapters::ADAPTER_VERSION;
@@ -9,7 +10,7 @@ use crate::cli::terminal::answer::progress;
 use crate::cli::terminal::exit::{Exit, Failure};
 use crate::evaluation::EVAL_VERSION;
 use crate::evidence::{Declared, Reading, RecordedRun, RecordedRunError};
-use crate::experiment::{Experiment, ExperimentError, composed, read_pool};
+use crate::experiment::{Experiment, ExperimentError, ModelOptions, composed, read_pool};
 use crate::kernel::{Digest, Threads};
 use crate::scene::Pool;
 use crate::sim::SIM_VERSION;
@@ -368,6 +369,7 @@ impl RunFolder {
             |_| Declared::default(),
             |experiment| Declared {
                 setting: setting::of(&experiment),
+                answered: answered(&experiment),
                 planner: experiment.driver.map(|driver| driver.name()),
                 archive: Some(experiment.archive),
             },
@@ -375,6 +377,12 @@ impl RunFolder {
         recorded.seed_note = self.seed_note();
         Ok(recorded)
     }
+}
+
+/// What an experiment says of its models, by their labels.
+fn answered(experiment: &Experiment) -> BTreeMap<String, String> {
+    let said = |(name, model): (&String, &ModelOptions)| Some((model.spec(name).label(), model.provenance.clone()?));
+    experiment.models.iter().filter_map(said).collect()
 }
 
 /// The folder of one model among such; a fresh recording, which has a name, asks in another one.

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use crate::evaluation::{AttackOptions, ContactClass, EvaluationOptions, RealismOptions};
+use crate::evaluation::{AT_FAULT, AttackOptions, ContactClass, EvaluationOptions, RealismOptions};
 use crate::evidence::Setting;
 use crate::experiment::{Experiment, PlainContacts, SceneSource};
 use crate::kernel::Digest;
+use crate::objects::{AttackRequirement, RealismMean};
 
 /// What a caption says of it.
 pub fn of(experiment: &Experiment) -> Setting {
@@ -32,22 +33,41 @@ pub fn of(experiment: &Experiment) -> Setting {
 /// What realism is a mean of, and a name for its settings by which a reader sees whether two experiments mean the same.
 fn realism(options: &RealismOptions) -> String {
     let count = options.weights().len();
+    let over = match options.mean {
+        RealismMean::Strict => "",
+        RealismMean::Plain => " over all scenes",
+    };
     match Digest::of("evodrive/realism-options/1", options) {
-        Ok(settings) => format!("the weighted mean of {count} diagnostics of motion, settings {}", settings.short(8)),
-        Err(_) => format!("the weighted mean of {count} diagnostics of motion"),
+        Ok(settings) => {
+            format!("the weighted mean of {count} diagnostics of motion{over}, settings {}", settings.short(8))
+        }
+        Err(_) => format!("the weighted mean of {count} diagnostics of motion{over}"),
     }
 }
 
 /// Which contacts are attacks. The three readings that the tables set side by side have their words, any other is told by its classes.
 fn reading(options: &AttackOptions) -> String {
-    if options.when.is_some() {
-        return "an expression of the experiment's own".into();
+    match options.when.as_ref().map(|when| when.text()) {
+        Some(AT_FAULT) => return "contacts for which the ego is at fault by nuPlan's rule".into(),
+        Some(_) => return "an expression of the experiment's own".into(),
+        None => {}
     }
     let all: BTreeSet<ContactClass> = ContactClass::ALL.into_iter().collect();
     let preventable: BTreeSet<ContactClass> =
         ContactClass::ALL.into_iter().filter(|class| class.could_be_prevented(Some(true))).collect();
     let caused: BTreeSet<ContactClass> =
         [ContactClass::EgoStrikes, ContactClass::EgoSideswipes, ContactClass::StationaryHit].into_iter().collect();
+    if !options.requires.is_unsaid() {
+        let asked = [
+            (AttackRequirement::Adversary, "with an adversary"),
+            (AttackRequirement::Acts, "with somebody who acted"),
+            (AttackRequirement::NotMetAnyway, "not met without the program"),
+        ];
+        let asked: Vec<&str> =
+            asked.into_iter().filter(|(of, _)| options.requires.has(*of)).map(|(_, says)| says).collect();
+        let classes = if options.counts == all { "every contact of the ego" } else { "contacts of the ego by class" };
+        return [&[classes], asked.as_slice()].concat().join(", ");
+    }
     let either = options.counts.union(&options.counts_if_avoidable).copied().collect::<BTreeSet<_>>();
     if options.counts == all {
         "every contact that the program brings about".into()
@@ -78,6 +98,7 @@ mod tests {
             counts: counts.iter().copied().collect(),
             counts_if_avoidable: if_avoidable.iter().copied().collect(),
             when: None,
+            requires: Default::default(),
         }
     }
 

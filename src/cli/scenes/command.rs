@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use crate::cli::scenes::files::{Row, keeps, known_tags, listing, read, rows, threads, written};
-use crate::cli::scenes::{best, draw, export, pools, readable, show};
+use crate::cli::scenes::{best, browse, draw, export, pools, readable, show};
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::experiment::{self, Experiment};
@@ -43,6 +43,8 @@ pub enum Command {
     Best(best::Options),
     /// Draw one scene or rollout as a strip of moments side by side, for a paper (SVG, PDF), or as a film (GIF, MP4).
     Draw(draw::Options),
+    /// Write a page of thumbnails, a scene each, with filters by place, source, contact or threat, number of road users and speed; it works offline.
+    Browse(browse::Options),
     /// Write scenes, as they are or as an attempt played them, in a format that other programs read.
     Export(export::Options),
     /// Compare pools: speeds, gaps, accelerations, yaw rates, conflicts, side by side.
@@ -128,6 +130,7 @@ pub fn run(command: Command, jobs: usize) -> Result<Answer, Failure> {
         Command::Show(options) => show::run(&options, jobs),
         Command::Best(options) => best::run(&options, jobs),
         Command::Draw(options) => draw::run(&options, jobs),
+        Command::Browse(options) => browse::run(&options, jobs),
         Command::Export(options) => export::run(&options, jobs),
         Command::Stats(options) => stats(&options, jobs),
     }

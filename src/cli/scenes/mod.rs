@@ -1,6 +1,7 @@
 //! `scenes` and `calibrate`: pools in, out and beside each other.
 
 pub mod best;
+pub mod browse;
 pub mod calibrate;
 pub mod command;
 pub mod contradictions;

@@ -10,6 +10,7 @@ use crate::evidence::aligned::Aligned;
 use crate::evidence::tables::prevented;
 use crate::objects::replay::Replayed;
 use crate::objects::{SceneFailure, Score};
+use crate::sim::Fault;
 use crate::text::counted;
 
 /// A scene in which somebody is met.
@@ -53,7 +54,7 @@ fn unlabelled(failures: &[SceneFailure]) -> impl Iterator<Item = (&str, String)>
     })
 }
 
-/// What was met in each scene: the class of the contact, who it was, and whether it is preventable.
+/// What was met in each scene: the class of the contact, who it was, whether it is preventable, and at fault by nuPlan's rule.
 fn met(score: &Score) -> BTreeMap<&str, String> {
     let of = score.scenes.iter().map(|label| {
         let text = label.contact.as_ref().map_or(NOBODY.to_string(), |met| {
@@ -63,7 +64,10 @@ fn met(score: &Score) -> BTreeMap<&str, String> {
                 Some(false) => ", not preventable",
                 None => "",
             };
-            format!("{}{who}{preventable}", met.class)
+            let is_at_fault = met.fault.as_deref().and_then(Fault::named).is_some_and(Fault::is_egos);
+            let fault = if is_at_fault { ", at fault" } else { "" };
+            let jury = met.avoided_by.map(|[avoid, of]| format!(", {avoid} of {of} drivers avoid it"));
+            format!("{}{who}{preventable}{fault}{}", met.class, jury.unwrap_or_default())
         });
         (label.scene.as_str(), text)
     });

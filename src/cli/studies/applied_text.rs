@@ -17,8 +17,8 @@ use crate::experiment::ProgramFile;
 use crate::kernel::{Digest, Seed};
 use crate::objects::event::Versions;
 use crate::objects::replay::Replayed;
-use crate::objects::{Origin, SceneFailure, abandoned, too_slow};
-use crate::sim::SIM_VERSION;
+use crate::objects::{Origin, SceneFailure, Score, abandoned, too_slow};
+use crate::sim::{Fault, SIM_VERSION};
 use crate::text::counted;
 
 /// Scenes whose reasons are listed; of more the text says how many, and `--json` lists all.
@@ -136,6 +136,10 @@ fn text(of: &Comparison, tables: &[Table], notes: &[String]) -> String {
     );
     // Aligned in a pipe too: behind it stand sentences, so no program reads it as a table; those take --json.
     tables.iter().for_each(|table| text.push_str(&format!("{}\n", tables::plain(table, table_width()))));
+    if file.conditions.simulator.at_fault {
+        let [parent, program] = [&of.parent.score, &of.program.score].map(at_fault);
+        let _ = writeln!(text, "at fault by nuPlan's rule: {parent} under the parent, {program} under the program");
+    }
     notes.iter().for_each(|note| text.push_str(&format!("note: {note}\n")));
     for line in left_out::listed("left out", of.left_out.iter().cloned()) {
         let _ = writeln!(text, "{line}");
@@ -162,6 +166,14 @@ fn text(of: &Comparison, tables: &[Table], notes: &[String]) -> String {
     listed(&mut text, "no label of the parent", failures(&of.parent.score.failures));
     listed(&mut text, "no label of the program", failures(&of.program.score.failures));
     text
+}
+
+/// For how many of a program's contacts with adversaries the ego is at fault by nuPlan's rule.
+fn at_fault(score: &Score) -> String {
+    let met = score.scenes.iter().filter_map(|label| label.contact.as_ref()).filter(|met| met.adversary && !met.anyway);
+    let faults: Vec<Option<Fault>> = met.map(|met| met.fault.as_deref().and_then(Fault::named)).collect();
+    let blamed = faults.iter().flatten().filter(|fault| fault.is_egos()).count();
+    format!("{blamed} of {}", counted(faults.len(), "contact"))
 }
 
 fn listed(text: &mut String, what: &str, lines: Vec<String>) {

@@ -44,7 +44,7 @@ pub struct Options {
     /// Only the scene with this id; may be repeated.
     #[arg(long)]
     pub scene: Vec<String>,
-    /// Driver under test: idm, idm-lights, pdm, replay, or the weights of a learned one (a file that ends in .safetensors, or a name as
+    /// Driver under test: idm, idm-lights, pdm, frenet, replay, or the weights of a learned one (a file that ends in .safetensors, or a name as
     /// evodrive:sac-chatscene); without it the one that the program was evolved against.
     #[arg(long)]
     pub ego: Option<String>,
@@ -59,6 +59,10 @@ pub struct Options {
     /// evolved under; seed, scenes and driver are not taken from it.
     #[arg(long)]
     pub rules: Option<PathBuf>,
+    /// Say also for whose contacts the driver is at fault by nuPlan's rule, and which reference drivers avoid them; labels then have other
+    /// keys than in the program's run.
+    #[arg(long)]
+    pub at_fault: bool,
     /// List the scenes in which the driver meets somebody, and under which program, with the command that plays each.
     #[arg(long)]
     pub scenes_broken: bool,
@@ -81,7 +85,11 @@ pub struct Options {
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let file = ProgramFile::read(&options.program)?;
-    let file = options.rules.iter().try_fold(file, |file, rules| under_rules(file, rules))?;
+    let mut file = options.rules.iter().try_fold(file, |file, rules| under_rules(file, rules))?;
+    // Labels that say more are other labels: their keys are not those of the program's run.
+    if options.at_fault {
+        (file.conditions.simulator.at_fault, file.conditions.simulator.jury) = (true, true);
+    }
     let (asked, ego) = under_test(&file, options.ego.as_ref(), (options.driver.as_deref(), options.time_limit))?;
     let planners = asked.as_ref().map(Asked::planners);
     let seed = Seed(options.seed.unwrap_or(file.conditions.seed));

@@ -60,6 +60,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         ("replay".to_string(), Policy::Replay),
         ("idm".to_string(), Policy::Idm),
         ("pdm".to_string(), Policy::Pdm),
+        ("frenet".to_string(), Policy::Frenet),
     ];
     let rules = experiment.simulator.rules();
     for lineage in experiment.lineages.iter().filter(|lineage| lineage.policy.is_some()) {

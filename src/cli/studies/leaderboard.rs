@@ -10,7 +10,7 @@ use crate::cli::scenes::files;
 use crate::cli::studies::suite_drive::Running;
 use crate::cli::studies::suite_driver::TestDriver;
 use crate::cli::studies::suite_file;
-use crate::cli::studies::suite_page;
+use crate::cli::studies::suite_html;
 use crate::cli::studies::suite_run::{Selection, again, fresh, write};
 use crate::cli::studies::suite_stage::Stage;
 use crate::cli::studies::suite_text::{self, mean, share};
@@ -87,7 +87,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     }
     let (threads, interrupt) = (files::threads(jobs)?, Interrupt::listen()?);
     let running = Running { threads: &threads, interrupt: &interrupt };
-    let stage = Stage::new(&frozen.suite, &threads);
+    let stage = Stage::new(&frozen.suite, &threads)?;
     let drivers = words.iter().map(|word| TestDriver::named(word)).collect::<Result<Vec<_>, _>>()?;
     let mut made = Vec::new();
     for driver in &drivers {
@@ -142,8 +142,8 @@ fn rank(entry: &Entry) -> f64 {
     entry.totals.first().and_then(Total::arrived_of_playable).map_or(0.0, |share| share.value)
 }
 
-const HEADS: [&str; 8] =
-    ["driver", "driven", "faults", "arrived", "crash rate", "preventable", "off road", "completion"];
+const HEADS: [&str; 9] =
+    ["driver", "driven", "faults", "arrived", "crash rate", "preventable", "at fault", "off road", "completion"];
 
 fn row(entry: &Entry, planned_around: Digest) -> Vec<String> {
     let Some(all) = entry.totals.first() else { return Vec::new() };
@@ -155,6 +155,7 @@ fn row(entry: &Entry, planned_around: Digest) -> Vec<String> {
         share(all.arrived_of_playable()),
         share(all.crashes),
         share(all.preventable),
+        share(all.at_fault),
         share(all.off_road),
         mean(all.completion),
     ]
@@ -272,6 +273,9 @@ fn csv(entries: &[Entry]) -> String {
         "preventable",
         "preventable_low",
         "preventable_high",
+        "at_fault",
+        "at_fault_low",
+        "at_fault_high",
         "completion",
         "completion_low",
         "completion_high",
@@ -290,7 +294,7 @@ fn csv(entries: &[Entry]) -> String {
                 total.faults.to_string(),
                 total.unplayable.to_string(),
             ];
-            for of in [total.crashes, total.preventable] {
+            for of in [total.crashes, total.preventable, total.at_fault] {
                 let numbers = of.map(|of| [of.value, of.interval[0], of.interval[1]]);
                 fields
                     .extend(numbers.map_or([(); 3].map(|()| String::new()), |numbers| numbers.map(|x| x.to_string())));
@@ -314,10 +318,10 @@ fn html((title, digest, note): (&str, &str, &str), first: Texts<'_>, second: Tex
     let mut text = format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n{}<title>{title}</title>\n{}</head>\n<body>\n<h1>{title}</h1>\n\
          <p>digest <code>{digest}</code></p>\n",
-        suite_page::BODY,
-        suite_page::STYLE
+        suite_html::BODY,
+        suite_html::STYLE
     );
-    let _ = write!(text, "{}{}", suite_page::table(first.0, first.1), suite_page::table(second.0, second.1));
+    let _ = write!(text, "{}{}", suite_html::table(first.0, first.1), suite_html::table(second.0, second.1));
     let _ = writeln!(text, "<p><small>{note}</small></p>\n</body>\n</html>");
     text
 }

@@ -2,7 +2,7 @@
 
 use clap::Args;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::adapters::ADAPTER_VERSION;
 use crate::cli::look::show;
@@ -24,21 +24,66 @@ use crate::scene::Pool;
 use crate::sim::SIM_VERSION;
 
 #[derive(Debug, Args)]
-#[command(allow_missing_positional = true)]
 pub struct Which {
-    #[command(flatten)]
-    pub run: OneRun,
-    /// Attempt that left a program, e.g. cat-idm/e2s5, a lineage's parent, e.g. cat-idm/parent, or a program file.
-    pub attempt: String,
+    /// Run: its folder, its name below runs/, or the beginning of either; without it the latest.
+    #[arg(value_name = "RUN")]
+    first: Option<String>,
+    /// Attempt that left a program, e.g. cat-idm/e2s5, a lineage's parent, e.g. cat-idm/parent, or a program file; without it the
+    /// programs that the run reports are named.
+    #[arg(value_name = "ATTEMPT")]
+    second: Option<String>,
+    /// The same as an option.
+    #[arg(id = "run_option", long = "run", value_name = "RUN")]
+    option: Option<PathBuf>,
+}
+
+impl Which {
+    /// The run and the attempt, each where it was typed. One word alone is a run where a run is called so, else an attempt.
+    fn sorted(&self) -> Result<(OneRun, Option<&str>), Failure> {
+        let run = |dir: Option<&Path>| dir.map_or_else(OneRun::default, OneRun::of);
+        match (self.first.as_deref(), self.second.as_deref(), self.option.as_deref()) {
+            (Some(_), Some(_), Some(_)) => Err(Failure::bad_input("the run is named twice: in its place and by --run")),
+            (Some(first), Some(second), None) => Ok((run(Some(Path::new(first))), Some(second))),
+            (Some(first), None, None) if !is_file(first) && RunFolder::find(Some(Path::new(first))).is_ok() => {
+                Ok((run(Some(Path::new(first))), None))
+            }
+            (attempt, None, option) | (None, attempt, option) => Ok((run(option), attempt)),
+        }
+    }
 }
 
 /// The program of a file, or put together from its run folder.
+///
+/// # Errors
+/// No attempt is named: the message names the programs that the run reports, each with its command.
 pub fn packed(which: &Which) -> Result<ProgramFile, Failure> {
-    if which.run.named().is_none() && is_file(&which.attempt) {
-        return Ok(ProgramFile::read(Path::new(&which.attempt))?);
+    let (run, attempt) = which.sorted()?;
+    if let (None, Some(file)) = (run.named(), attempt.filter(|name| is_file(name))) {
+        return Ok(ProgramFile::read(Path::new(file))?);
     }
-    let folder = which.run.folder()?;
-    packed_of(&folder, &folder.recorded()?, &which.attempt)
+    let folder = run.folder()?;
+    let recorded = folder.recorded()?;
+    match attempt {
+        Some(attempt) => packed_of(&folder, &recorded, attempt),
+        None => Err(reported(&folder, &recorded)),
+    }
+}
+
+/// Programs that a message names before it counts.
+const NAMED_MAX: usize = 12;
+
+/// Which programs a run reports, for whoever named none.
+fn reported(folder: &RunFolder, run: &RecordedRun) -> Failure {
+    let chosen: Vec<&SolutionId> =
+        run.result.iter().flat_map(|of| &of.lineages).map(|of| &of.evolved.solution).collect();
+    if chosen.is_empty() {
+        return Failure::bad_input(format!("{}: name an attempt; the run reports none yet", folder.dir.display()));
+    }
+    let line = |name: &&SolutionId| format!("\n  evodrive program export --run {} {name}", folder.dir.display());
+    let lines: String = chosen.iter().take(NAMED_MAX).map(line).collect();
+    let more = chosen.len().saturating_sub(NAMED_MAX);
+    let more = if more > 0 { format!("\n  and those of {more} more lineages") } else { String::new() };
+    Failure::bad_input(format!("name an attempt, or a lineage's parent; the run reports{lines}{more}"))
 }
 
 /// The file of an attempt's program or a parent.

@@ -13,7 +13,7 @@ pub enum Command {
     Show(suite_show::Options),
     /// Drive a suite with a planner or a policy: totals with intervals, thresholds, JUnit; exit code 1 where a threshold is broken.
     Run(suite_run::Options),
-    /// Compare two results in one suite, paired by scene: who lost which, and whether the difference can be chance.
+    /// Compare results in one suite, paired by scene: who lost which, and whether the difference can be chance; side by side as a page.
     Compare(suite_compare::Options),
     /// Play one case with one or more drivers side by side, as a page.
     Play(suite_play::Options),

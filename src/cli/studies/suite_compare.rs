@@ -1,4 +1,4 @@
-//! `suite compare`: two results in one suite beside each other.
+//! `suite compare`: results in one suite beside each other.
 
 use clap::Args;
 use serde_json::json;
@@ -6,8 +6,9 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use crate::cli::studies::suite_file;
 use crate::cli::studies::suite_text::mean;
+use crate::cli::studies::{suite_beside, suite_file};
+use crate::cli::terminal::output::{Output, by_ending};
 use crate::cli::terminal::shell::quoted;
 use crate::cli::terminal::width::table_width;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
@@ -23,59 +24,88 @@ const SURE: f64 = 0.05;
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Result of `evodrive suite run --out`.
-    pub first: PathBuf,
-    /// Another one in the same suite.
-    pub second: PathBuf,
-    /// The suite file: both results are held to its cases, and the commands that play a case name it.
+    /// Results of `evodrive suite run --out` in one suite, two or more, the oldest first: each is compared with the first.
+    #[arg(required = true, num_args = 2..)]
+    pub results: Vec<PathBuf>,
+    /// The suite file: all results are held to its cases, and the commands that play a case name it.
     #[arg(long)]
     pub suite: Option<PathBuf>,
+    /// Page to write: the results side by side, regressions first.
+    #[arg(long)]
+    pub html: Option<PathBuf>,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 pub fn run(options: &Options) -> Result<Answer, Failure> {
-    let [first, second] = [&options.first, &options.second].map(|path| suite_file::read_result(path));
-    let (first, second) = (first?, second?);
+    options.html.iter().try_for_each(|path| by_ending("--html", path, [("html", ())]))?;
+    let mut results: Vec<(&Path, SuiteResult)> = Vec::new();
+    for path in &options.results {
+        results.push((path, suite_file::read_result(path)?));
+    }
+    let [(first_path, first), others @ ..] = results.as_slice() else {
+        return Err(Failure::bad_input("name two or more results"));
+    };
+    for (path, other) in others {
+        comparable((first_path, first), (path, other))?;
+    }
+    // Where the suite is at hand, it says what each result is to hold.
+    if let Some(suite) = &options.suite {
+        let frozen = suite_file::read(suite)?;
+        results.iter().try_for_each(|(path, result)| suite_file::is_whole(path, result, &frozen))?;
+    }
+    let pairs: Vec<Compared> = others.iter().map(|(_, other)| compared(first, other)).collect();
+    if pairs.iter().any(|pair| pair.rows.first().is_none_or(|all| all.scenes == 0)) {
+        return Err(Failure::bad_input("no scene was driven by both; there is nothing to compare"));
+    }
+    let command = |case: &str| {
+        let suite = options.suite.as_ref().map_or("SUITE".into(), |suite| quoted(&suite.to_string_lossy()));
+        let drivers: Vec<String> = results.iter().map(|(path, result)| who(path, result)).collect();
+        format!("evodrive suite play {suite} --case {} {} --out play.html", quoted(case), drivers.join(" "))
+    };
+    let all: Vec<&SuiteResult> = results.iter().map(|(_, result)| result).collect();
+    if let Some(path) = &options.html {
+        options.output.write(path, suite_beside::page(&all, &pairs, &command).as_bytes())?;
+    }
+    let (text, object) = match (others, pairs.as_slice()) {
+        ([(_, second)], [pair]) => {
+            let commands: Vec<String> = pair.discordant.iter().map(|of| command(&of.case)).collect();
+            let object = json!({
+                "suite": first.suite, "first": first.driver, "second": second.driver, "compared": pair, "commands": commands,
+            });
+            (text((first, second), pair, &command), object)
+        }
+        _ => (suite_beside::text(&all, &pairs, &command), suite_beside::object(&all, &pairs)),
+    };
+    let written = options.html.as_ref().map_or(String::new(), |path| format!("{}\n", path.display()));
+    Ok(Answer::new(text + &written, object))
+}
+
+/// Refuses results that were not made in one suite by one simulator.
+fn comparable(
+    (first_path, first): (&Path, &SuiteResult),
+    (second_path, second): (&Path, &SuiteResult),
+) -> Result<(), Failure> {
     if first.suite.digest != second.suite.digest {
         let mark = |of: &SuiteResult| format!("{} ({})", of.suite.name, of.suite.digest.short(12));
         return Err(Failure::bad_input(format!(
             "{} is a result in suite {}, {} in {}; only the same scenes can be compared",
-            options.first.display(),
-            mark(&first),
-            options.second.display(),
-            mark(&second)
+            first_path.display(),
+            mark(first),
+            second_path.display(),
+            mark(second)
         )));
     }
     if first.simulator != second.simulator {
         return Err(Failure::bad_input(format!(
             "{} was made by simulator version {}, {} by {}; make both with one release",
-            options.first.display(),
+            first_path.display(),
             first.simulator,
-            options.second.display(),
+            second_path.display(),
             second.simulator
         )));
     }
-    // Where the suite is at hand, it says what each result is to hold.
-    if let Some(suite) = &options.suite {
-        let frozen = suite_file::read(suite)?;
-        for (path, result) in [(&options.first, &first), (&options.second, &second)] {
-            suite_file::is_whole(path, result, &frozen)?;
-        }
-    }
-    let compared = compared(&first, &second);
-    if compared.rows.first().is_none_or(|all| all.scenes == 0) {
-        return Err(Failure::bad_input("no scene was driven by both; there is nothing to compare"));
-    }
-    let command = |case: &str| {
-        let suite = options.suite.as_ref().map_or("SUITE".into(), |suite| quoted(&suite.to_string_lossy()));
-        let [a, b] = [(&options.first, &first), (&options.second, &second)].map(|(path, result)| who(path, result));
-        format!("evodrive suite play {suite} --case {} {a} {b} --out play.html", quoted(case))
-    };
-    let text = text((&first, &second), &compared, &command);
-    let commands: Vec<String> = compared.discordant.iter().map(|of| command(&of.case)).collect();
-    let object = json!({
-        "suite": first.suite, "first": first.driver, "second": second.driver, "compared": compared, "commands": commands,
-    });
-    Ok(Answer::new(text, object))
+    Ok(())
 }
 
 /// How a driver plays again: a planner from its answers.
@@ -128,6 +158,9 @@ fn text(
     if let Some(all) = compared.rows.first() {
         let _ =
             writeln!(text, "preventable contacts: first {}, second {}", all.first_preventable, all.second_preventable);
+        if let [Some(first), Some(second)] = all.at_fault {
+            let _ = writeln!(text, "at fault by nuPlan's rule: first {first}, second {second}");
+        }
     }
     text += &listed("lost by the second", &compared.discordant, true, command);
     text += &listed("won by the second", &compared.discordant, false, command);

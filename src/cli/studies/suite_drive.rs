@@ -11,15 +11,14 @@ use crate::backend::{
 };
 use crate::cli::cluster::worker_process::Processes;
 use crate::cli::studies::suite_driver::TestDriver;
-use crate::cli::studies::suite_stage::{Stage, Wheel, as_frozen};
+use crate::cli::studies::suite_stage::{Drove, Stage, Wheel, as_frozen};
 use crate::cli::terminal::counting_line::CountingLine;
 use crate::cli::terminal::exit::Failure;
 use crate::cli::terminal::interrupt::Interrupt;
 use crate::ego::Policy;
 use crate::kernel::{Digest, Threads};
-use crate::sim::Outcome;
 use crate::store::Store;
-use crate::suite::{Came, Case, Drive, FaultKind, Played};
+use crate::suite::{Came, Case, FaultKind, Played};
 
 /// A planner by its digest, and its recorded answers by rules.
 pub type Answered = (Digest, BTreeMap<usize, RolloutCassette>);
@@ -45,9 +44,6 @@ pub struct Driven {
     pub compared: Vec<String>,
 }
 
-/// What came of a case before it is written down.
-type Drove = Result<Outcome, NoOutcome>;
-
 /// Drives with a driver that needs nobody else, and compares with the frozen labels where it is the one that was planned around.
 pub fn drive_own(
     stage: &Stage<'_>,
@@ -58,20 +54,20 @@ pub fn drive_own(
     let wheel = wheel_of(stage, driver);
     let line = CountingLine::new("scene", cases.len());
     let drive = |case: &&Case| {
-        let outcome = stage.outcome(case, &wheel);
+        let drove = stage.drove(case, &wheel);
         line.tick();
-        outcome
+        drove
     };
-    let outcomes = running.threads.map(cases, |_, case| (!running.interrupt.is_asked()).then(|| drive(case)));
+    let drives = running.threads.map(cases, |_, case| (!running.interrupt.is_asked()).then(|| drive(case)));
     line.finish();
     let is_frozen = driver.mark().digest == stage.suite.planned_around.digest;
     let mut played = Vec::with_capacity(cases.len());
-    for (case, outcome) in cases.iter().zip(outcomes) {
-        let outcome = outcome.ok_or_else(|| interrupted("nothing was written"))?;
-        if let (true, Ok(outcome)) = (is_frozen, &outcome) {
-            as_frozen(case, outcome)?;
+    for (case, drove) in cases.iter().zip(drives) {
+        let drove = drove.ok_or_else(|| interrupted("nothing was written"))?;
+        if let (true, Ok(drove)) = (is_frozen, &drove) {
+            as_frozen(case, &drove.outcome)?;
         }
-        played.push(of_case(case, came(outcome)?));
+        played.push(played_of(case, drove)?);
     }
     Ok(Driven { cases: played, answers: BTreeMap::new(), compared: Vec::new() })
 }
@@ -97,7 +93,7 @@ pub fn drive_planner(
     let backends = stage.suite.rules.iter().map(|rules| planner.backend(rules).map_err(Failure::internal));
     let backends = backends.collect::<Result<Vec<BackendOptions>, Failure>>()?;
     let ego = planner.policy().ok_or_else(|| Failure::internal("a planner whose digest cannot be computed"))?;
-    let mut results: BTreeMap<usize, Came> = BTreeMap::new();
+    let mut results: BTreeMap<usize, Played> = BTreeMap::new();
     let mut answers: BTreeMap<usize, RolloutCassette> = BTreeMap::new();
     let mut compared = Vec::new();
     let line = CountingLine::new("scene", cases.len());
@@ -115,15 +111,15 @@ pub fn drive_planner(
         let recorders: Vec<Recorder<'_>> = recorders.collect();
         let behind = backends.iter().zip(&recorders).map(|(options, answers)| Backend::Other { options, answers });
         let wheel = Wheel::Policy(ego.clone(), behind.collect());
-        let outcomes: Vec<Option<Drove>> = running.threads.map(&left, |_, &place| {
+        let drives = running.threads.map(&left, |_, &place| {
             if running.interrupt.is_asked() {
                 return None;
             }
-            let outcome = stage.outcome(cases[place], &wheel);
-            if !matches!(outcome, Err(NoOutcome::Stop(BackendError::Planner(_)))) {
+            let drove = stage.drove(cases[place], &wheel);
+            if !matches!(drove, Err(NoOutcome::Stop(BackendError::Planner(_)))) {
                 line.tick();
             }
-            Some(outcome)
+            Some(drove)
         });
         for (rules, recorder) in recorders.iter().enumerate() {
             let (asked, _) = recorder.cassette();
@@ -135,10 +131,10 @@ pub fn drive_planner(
         }
         compared.extend(planners.compared());
         let culprit = *culprit.lock().unwrap_or_else(PoisonError::into_inner);
-        for (place, outcome) in left.into_iter().zip(outcomes) {
-            let Some(outcome) = outcome else { continue };
+        for (place, drove) in left.into_iter().zip(drives) {
+            let Some(drove) = drove else { continue };
             let case = cases[place];
-            if let Err(NoOutcome::Stop(BackendError::Planner(fault))) = &outcome {
+            if let Err(NoOutcome::Stop(BackendError::Planner(fault))) = &drove {
                 let kind = match culprit {
                     // Nobody drives with a planner that does not begin.
                     None => FaultKind::NotStarted,
@@ -148,20 +144,19 @@ pub fn drive_planner(
                     Some(_) => continue,
                 };
                 let found = format!("planner, {}: expected {}, found {}", fault.place, fault.expected, fault.found);
-                results.insert(place, Came::Fault { kind, reason: first_lines(&found) });
+                results.insert(place, of_case(case, Came::Fault { kind, reason: first_lines(&found) }));
                 line.tick();
                 continue;
             }
-            results.insert(place, came(outcome)?);
+            results.insert(place, played_of(case, drove)?);
         }
         if results.len() == before {
             return Err(Failure::internal("a planner stopped, and no scene says in which of them"));
         }
     }
     line.finish();
-    let played = cases.iter().zip(results.into_values()).map(|(case, came)| of_case(case, came)).collect();
     answers.retain(|_, answers| !answers.is_empty());
-    Ok(Driven { cases: played, answers, compared })
+    Ok(Driven { cases: results.into_values().collect(), answers, compared })
 }
 
 /// Drives with recorded answers: no planner is asked. A fault that left no answer stays as `known` has it.
@@ -174,22 +169,21 @@ pub fn drive_recorded(
 ) -> Result<Vec<Played>, Failure> {
     let wheel = recorded.wheel();
     let line = CountingLine::new("scene", cases.len());
-    let outcomes = running.threads.map(cases, |_, case| {
-        let outcome = stage.outcome(case, &wheel);
+    let drives = running.threads.map(cases, |_, case| {
+        let drove = stage.drove(case, &wheel);
         line.tick();
-        outcome
+        drove
     });
     line.finish();
     let mut played = Vec::with_capacity(cases.len());
-    for (case, outcome) in cases.iter().zip(outcomes) {
-        let came = match outcome {
+    for (case, drove) in cases.iter().zip(drives) {
+        played.push(match drove {
             Err(NoOutcome::Stop(BackendError::Miss(miss))) => match known(case) {
-                Some(fault @ Came::Fault { .. }) => fault,
+                Some(fault @ Came::Fault { .. }) => of_case(case, fault),
                 _ => return Err(Failure::miss(miss)),
             },
-            outcome => came(outcome)?,
-        };
-        played.push(of_case(case, came));
+            drove => played_of(case, drove)?,
+        });
     }
     Ok(played)
 }
@@ -270,6 +264,8 @@ fn of_case(case: &Case, came: Came) -> Played {
         cluster: case.cluster.clone(),
         class: case.class().to_string(),
         came,
+        realism: None,
+        timeline: None,
     }
 }
 
@@ -277,15 +273,23 @@ fn of_case(case: &Case, came: Came) -> Played {
 const STAGED: &str = "staged for SafeBench: planners cannot play those, drivers of ours can";
 
 /// A scene's own reason stays with the scene; whatever else stops the command.
-fn came(outcome: Drove) -> Result<Came, Failure> {
-    match outcome {
-        Ok(outcome) => Ok(Came::Driven(Drive::of(&outcome))),
-        Err(NoOutcome::Scene(reason)) => Ok(match FaultKind::of(&reason) {
-            Some(kind) => Came::Fault { kind, reason },
-            None => Came::Unplayable { reason },
-        }),
+fn played_of(case: &Case, drove: Result<Drove, NoOutcome>) -> Result<Played, Failure> {
+    match drove {
+        Ok(drove) => {
+            let driven = Came::Driven(drove.drive());
+            Ok(Played { realism: drove.realism, timeline: drove.timeline, ..of_case(case, driven) })
+        }
+        Err(NoOutcome::Scene(reason)) => Ok(of_case(
+            case,
+            match FaultKind::of(&reason) {
+                Some(kind) => Came::Fault { kind, reason },
+                None => Came::Unplayable { reason },
+            },
+        )),
         // Its own words are for experiment files, and name the scene.
-        Err(NoOutcome::Stop(BackendError::Unplayable(_))) => Ok(Came::Unplayable { reason: STAGED.into() }),
+        Err(NoOutcome::Stop(BackendError::Unplayable(_))) => {
+            Ok(of_case(case, Came::Unplayable { reason: STAGED.into() }))
+        }
         Err(NoOutcome::Stop(error)) => Err(error.into()),
     }
 }

@@ -14,9 +14,9 @@ use crate::text::nearest;
 /// The driver that brakes and stands: what a crash rate is worth shows beside it.
 const STANDING: &str = "standing";
 /// Drivers that have a name.
-const NAMES: [&str; 5] = {
-    let [idm, idm_lights, pdm, replay] = Policy::NAMES;
-    [idm, idm_lights, pdm, replay, STANDING]
+const NAMES: [&str; 6] = {
+    let [idm, idm_lights, pdm, frenet, replay] = Policy::NAMES;
+    [idm, idm_lights, pdm, frenet, replay, STANDING]
 };
 
 /// Who drives.

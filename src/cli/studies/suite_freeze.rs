@@ -14,6 +14,7 @@ use crate::cli::studies::suite_driver::TestDriver;
 use crate::cli::studies::suite_file;
 use crate::cli::studies::suite_freezing::{Freezable, Freezing};
 use crate::cli::studies::suite_programs::{Planned, Sources, gathered};
+use crate::cli::studies::suite_stage::shipped_realism;
 use crate::cli::studies::suite_text::class_counts;
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::Failure;
@@ -22,7 +23,7 @@ use crate::cli::terminal::timed::timed;
 use crate::epoch::SceneEntry;
 use crate::kernel::Digest;
 use crate::scene::{Pool, Scene, usable};
-use crate::sim::{SIM_VERSION, SimulatorOptions};
+use crate::sim::{ContactClass, SIM_VERSION, SimulatorOptions};
 use crate::suite::{Candidate, Case, Licence, PLAIN, Sizes, Suite, Thresholds, chosen};
 use crate::text::counted;
 
@@ -47,13 +48,19 @@ pub struct Options {
     /// Pools, scenario files or folders.
     #[arg(long, num_args = 1.., required = true)]
     pub scenes: Vec<PathBuf>,
-    /// Whom the programs plan around, and of whom the labels are: idm, idm-lights, pdm, replay, weights (.safetensors), or a planner's
+    /// Whom the programs plan around, and of whom the labels are: idm, idm-lights, pdm, frenet, replay, weights (.safetensors), or a planner's
     /// file.
     #[arg(long, default_value = "idm")]
     pub driver: String,
     /// Take only scenes in which that driver has a preventable contact: a careful one avoids it, and it is no ram from behind.
     #[arg(long)]
     pub preventable_only: bool,
+    /// Least realism, 0 to 1, of what a program does in a scene that is taken, as the shipped MetaDrive protocol scores it; without it any.
+    #[arg(long, value_name = "X")]
+    pub min_realism: Option<f64>,
+    /// Take only scenes in which that driver meets an adversary in this way, as crossing; may be repeated.
+    #[arg(long, value_parser = contact_class)]
+    pub class: Vec<ContactClass>,
     /// Scenes of each family, at most.
     #[arg(long, default_value_t = 20)]
     pub per_family: usize,
@@ -73,6 +80,14 @@ pub struct Options {
     pub out: PathBuf,
     #[command(flatten)]
     pub output: Output,
+}
+
+fn contact_class(word: &str) -> Result<ContactClass, String> {
+    let names = ContactClass::ALL.map(ContactClass::name);
+    ContactClass::ALL
+        .into_iter()
+        .find(|class| class.name() == word)
+        .ok_or_else(|| format!("expected one of {}", names.join(", ")))
 }
 
 /// Thresholds as options.
@@ -123,9 +138,12 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let scenes: Vec<Arc<Scene>> =
         pool.scenes.iter().filter(|scene| usable(scene).is_ok()).cloned().map(Arc::new).collect();
     let entries = threads.map(&scenes, |_, scene| SceneEntry::new(scene.clone()));
+    let realism = shipped_realism()?;
     let around = Freezing {
         seed: options.seed,
         preventable_only: options.preventable_only,
+        floor: options.min_realism.map(|floor| (floor, &realism)),
+        classes: &options.class,
         ego: &ego,
         asked: None,
         threads: &threads,
@@ -162,6 +180,9 @@ fn checked(options: &Options) -> Result<(), Failure> {
     if !suite_file::is_suite(&options.out) {
         let expected = "expected a name that ends in .suite, by which other commands know it";
         return Err(Failure::bad_input(format!("--out {}: {expected}", options.out.display())));
+    }
+    if let Some(found) = options.min_realism.filter(|floor| !(0.0..=1.0).contains(floor)) {
+        return Err(Failure::bad_input(format!("--min-realism: expected 0 to 1, found {found}")));
     }
     if !(0.0..1.0).contains(&options.plain_share) {
         let found = options.plain_share;
@@ -200,7 +221,7 @@ fn suite(
     let acted = chosen(&candidates, |family| if family == PLAIN { 0 } else { options.per_family });
     if acted.is_empty() {
         return Err(Failure::bad_input(
-            "no scene can be frozen: no program acts in any of them, or none of the contacts is preventable; name other scenes or programs",
+            "no scene can be frozen: no program acts in any of them, or none of the contacts is of the kind that was asked for; name other scenes or programs",
         ));
     }
     let plain = (acted.len() as f64 * options.plain_share / (1.0 - options.plain_share)).round() as usize;
@@ -240,6 +261,8 @@ fn suite(
             per_family: options.per_family,
             plain_share: options.plain_share,
             preventable_only: options.preventable_only,
+            min_realism: options.min_realism,
+            classes: options.class.clone(),
         },
         thresholds,
         licences,

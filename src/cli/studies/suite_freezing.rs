@@ -7,8 +7,10 @@ use crate::cli::studies::suite_stage::under;
 use crate::cli::terminal::exit::Failure;
 use crate::ego::Policy;
 use crate::epoch::{Applied, SceneEntry, cluster_of};
+use crate::evaluation::RealismOptions;
+use crate::evaluation::metrics::realism::realism;
 use crate::kernel::{Digest, Seed, Threads};
-use crate::sim::{Intervention, Outcome, Plant, SimulatorOptions};
+use crate::sim::{ContactClass, Intervention, Outcome, Plant, SimulatorOptions};
 use crate::suite::{Candidate, PLAIN, class_of};
 
 /// What may be frozen of a scene.
@@ -26,6 +28,10 @@ pub struct Freezing<'a> {
     pub seed: u64,
     /// Whether only contacts are frozen that a careful ego avoids.
     pub preventable_only: bool,
+    /// Least realism of what a program does, and how it is scored.
+    pub floor: Option<(f64, &'a RealismOptions)>,
+    /// The classes of contact with an adversary of which one is frozen; empty where all are.
+    pub classes: &'a [ContactClass],
     pub ego: &'a Policy,
     pub asked: Option<&'a Asked>,
     pub threads: &'a Threads,
@@ -77,6 +83,10 @@ impl Freezing<'_> {
         for (&place, played) in fit.iter().zip(played) {
             let entry = &entries[place];
             match played {
+                Ok((_, label)) if self.keeps(&label) && self.is_below_floor(&label) => {
+                    let reason = "what the program does is less realistic than --min-realism asks for".to_string();
+                    reasons.push((format!("{} in {}", planned.member.name, entry.scene().id), reason));
+                }
                 Ok((intervention, label)) if self.keeps(&label) => {
                     let candidate = candidate(entry, planned.member.family.as_str(), planned.member.program, &label);
                     kept.push(Freezable { candidate, program: Some(program), rules, intervention, label });
@@ -139,6 +149,10 @@ impl Freezing<'_> {
         backend.rollout(&plant, intervention, self.ego, (Seed(self.seed), under))
     }
 
+    fn is_below_floor(&self, label: &Outcome) -> bool {
+        self.floor.is_some_and(|(floor, options)| realism(label, options).1 < floor)
+    }
+
     /// A program that does nothing in a scene makes no case of it.
     fn keeps(&self, label: &Outcome) -> bool {
         let preventable = || {
@@ -146,7 +160,9 @@ impl Freezing<'_> {
                 .contact
                 .is_some_and(|contact| contact.adversary && contact.class.could_be_prevented(contact.avoidable))
         };
-        label.acted() && (!self.preventable_only || preventable())
+        let asked_for =
+            || label.contact.is_some_and(|contact| contact.adversary && self.classes.contains(&contact.class));
+        label.acted() && (!self.preventable_only || preventable()) && (self.classes.is_empty() || asked_for())
     }
 }
 

@@ -16,7 +16,7 @@ use crate::cli::terminal::interrupt::Interrupt;
 use crate::cli::terminal::output::{Output, by_ending};
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{Drawing, beside_html};
-use crate::suite::{Case, Drive};
+use crate::suite::Case;
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -58,7 +58,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         crate::cli::studies::suite_run::Selection { case: vec![options.case.clone()], ..Default::default() };
     let case = selection.of(&frozen.suite)?.into_iter().next();
     let (threads, interrupt) = (files::threads(jobs)?, Interrupt::listen()?);
-    let stage = Stage::new(&frozen.suite, &threads);
+    let stage = Stage::new(&frozen.suite, &threads)?;
     let Some(case) = case else { return Err(Failure::internal("a case that was named is gone")) };
     let mut drawings: Vec<(String, Drawing)> = Vec::new();
     for word in &options.driver {
@@ -112,5 +112,9 @@ fn drawn(
     let played = stage
         .played(case, wheel, name)
         .map_err(|error| Failure::bad_input(format!("{}: {name}: {}", case.id, error.reason())))?;
-    Ok((format!("{name}: {}", Drive::of(&played.outcome).in_words()), played.drawing()))
+    let plant = stage.plant(case).map_err(|error| Failure::bad_input(format!("{}: {}", case.id, error.reason())))?;
+    let judged = stage
+        .judged(case, &plant, wheel, (played.outcome.clone(), &played.motion))
+        .map_err(|error| Failure::bad_input(format!("{}: {}", case.id, error.reason())))?;
+    Ok((format!("{name}: {}", judged.drive().in_words()), played.drawing()))
 }

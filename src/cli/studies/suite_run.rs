@@ -15,7 +15,7 @@ use crate::cli::studies::suite_driver::TestDriver;
 use crate::cli::studies::suite_file::answers_beside;
 use crate::cli::studies::suite_freeze::Limits;
 use crate::cli::studies::suite_stage::Stage;
-use crate::cli::studies::{suite_file, suite_page, suite_text};
+use crate::cli::studies::{suite_failures, suite_file, suite_page, suite_text};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::{Exit, Failure};
 use crate::cli::terminal::interrupt::Interrupt;
@@ -36,7 +36,7 @@ use crate::text::nearest;
 pub struct Options {
     /// Suite file.
     pub suite: PathBuf,
-    /// Who drives: idm, idm-lights, pdm, replay, standing, weights (.safetensors), or a planner: a program, a .py file, or a .toml file
+    /// Who drives: idm, idm-lights, pdm, frenet, replay, standing, weights (.safetensors), or a planner: a program, a .py file, or a .toml file
     /// with a table [driver] (docs/EGOS.md).
     #[arg(long, required_unless_present = "recorded")]
     pub driver: Option<String>,
@@ -143,7 +143,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     }
     let (threads, interrupt) = (files::threads(jobs)?, Interrupt::listen()?);
     let running = Running { threads: &threads, interrupt: &interrupt };
-    let stage = Stage::new(&frozen.suite, &threads);
+    let stage = Stage::new(&frozen.suite, &threads)?;
     let result = match (&options.recorded, &options.driver) {
         (Some(path), _) => again(&frozen, &stage, selection, path, &running)?,
         (None, Some(word)) => {
@@ -278,8 +278,21 @@ pub fn again(
     let known = |case: &Case| before.case(&case.id).map(|played| played.came.clone());
     let driven = drive_recorded(stage, &cases, &recorded, &known, running)?;
     let differs = |played: &Played| {
-        let said = before.case(&played.case).filter(|said| said.came != played.came)?.in_words();
-        Some(format!("case {}: it says {said:?}, its recorded answers come to {:?}", played.case, played.in_words()))
+        let said = before.case(&played.case)?;
+        let words = |of: &Played, what: &str| match what {
+            "" => of.in_words(),
+            "realism" => of.realism.map_or("none".into(), |realism| realism.to_string()),
+            _ => of.why().unwrap_or_else(|| "none".into()),
+        };
+        // Results of older releases say neither realism nor reason.
+        let what = match (&said.realism, &said.timeline) {
+            _ if !played.came.is_as_said(&said.came) => "",
+            (Some(_), _) if said.realism != played.realism => "realism",
+            (_, Some(_)) if said.timeline != played.timeline => "why",
+            _ => return None,
+        };
+        let [said, found] = [said, played].map(|of| words(of, what));
+        Some(format!("case {}: it says {said:?}, its recorded answers come to {found:?}", played.case))
     };
     held(driven.iter().filter_map(differs).take(DIFFERENCES_MAX).collect())?;
     if let Some(broken) = seal {
@@ -437,7 +450,7 @@ fn answer(
 ) -> Answer {
     let broken = rules.iter().any(|rule| !rule.holds);
     let text = format!(
-        "{} in {} ({}), {}\n\n{}\n{}\n{}{}{}",
+        "{} in {} ({}), {}\n\n{}\n{}\n{}{}{}{}",
         result.driver.name,
         frozen.suite.name,
         frozen.digest.short(12),
@@ -446,6 +459,7 @@ fn answer(
         suite_text::NOTE,
         suite_text::left_out(result, &frozen.suite),
         suite_text::not_driven(result),
+        suite_failures::text(result, table_width(), command),
         suite_text::rules(rules, result, command)
     );
     let commands: BTreeMap<&str, String> = rules
@@ -457,7 +471,7 @@ fn answer(
         .collect();
     let object = json!({
         "suite": result.suite, "driver": result.driver, "totals": totals, "rules": rules, "holds": !broken, "commands": commands,
-        "cases": result.cases, "cases_of_suite": frozen.suite.cases.len(),
+        "failures": suite_failures::object(result), "cases": result.cases, "cases_of_suite": frozen.suite.cases.len(),
     });
     let exit = if broken { Exit::Broken } else { Exit::Success };
     Answer { exit, ..Answer::new(text, object) }

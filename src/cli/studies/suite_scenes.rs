@@ -18,7 +18,7 @@ pub fn played(path: &Path, ids: &[String], recorded: Option<&Path>, jobs: usize)
     let frozen = suite_file::read_to_drive(path)?;
     let selection = Selection { case: ids.to_vec(), ..Selection::default() };
     let (cases, threads) = (selection.of(&frozen.suite)?, files::threads(jobs)?);
-    let stage = Stage::new(&frozen.suite, &threads);
+    let stage = Stage::new(&frozen.suite, &threads)?;
     let play = |wheel: &Wheel<'_>, name: &str| {
         let played = threads.map(&cases, |_, case| {
             let failed = |error: NoOutcome| Failure::bad_input(format!("{}: {}", case.id, error.reason()));

@@ -38,11 +38,19 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     for licence in &suite.licences {
         let _ = writeln!(text, "{} of {}: {}", counted(licence.scenes, "scene"), licence.source, licence.terms);
     }
+    if let Some(floor) = suite.sizes.min_realism {
+        let _ = writeln!(text, "realism of what programs do: at least {floor}");
+    }
     if !suite.thresholds.is_empty() {
         let _ = writeln!(text, "thresholds {}", json!(suite.thresholds));
     }
     let row = |case: &Case| {
-        vec![case.id.clone(), case.cluster.clone(), moved_by(suite, case), Drive::of(&case.label).in_words()]
+        vec![
+            case.id.clone(),
+            case.cluster.clone(),
+            moved_by(suite, case),
+            Drive::of(&case.label, None, None).in_words(),
+        ]
     };
     let heads = ["case", "cluster", "program", "label"].map(String::from).to_vec();
     let rows = suite.cases.iter().map(row).collect();

@@ -7,17 +7,41 @@ use crate::backend::{Backend, NoOutcome, Under};
 use crate::cli::look::rollout::Played;
 use crate::cli::terminal::exit::Failure;
 use crate::ego::Policy;
+use crate::evaluation::metrics::realism::realism;
+use crate::evaluation::{EvaluationOptions, RealismOptions};
+use crate::experiment::ProgramFile;
 use crate::kernel::{Digest, Seed, Threads};
 use crate::learn::Standing;
-use crate::objects::SolutionId;
+use crate::objects::{FamilyName, SolutionId};
 use crate::scene::{PreparedScene, Scene};
-use crate::sim::{Outcome, Plant, Trace, assess, commands, rollout_assessed, rollout_traced};
-use crate::suite::{Case, Member, Suite};
+use crate::sim::{
+    Driver, EgoCar, Fault, Jury, Outcome, Plant, Retraced, Timeline, Trace, assess, commands, fault_of, jury,
+    rollout_explained, rollout_traced,
+};
+use crate::suite::{Case, Drive, Member, Suite};
 
 /// Scenes of a suite.
 pub struct Stage<'a> {
     pub suite: &'a Suite,
     scenes: BTreeMap<&'a str, Arc<PreparedScene>>,
+    realism: RealismOptions,
+}
+
+/// What came of a case, and what is said of its contact.
+pub struct Drove {
+    pub outcome: Outcome,
+    pub timeline: Option<Timeline>,
+    /// Of what others did; nothing where nobody is moved.
+    pub realism: Option<f64>,
+    pub fault: Option<Fault>,
+    pub jury: Option<Jury>,
+}
+
+impl Drove {
+    /// As results hold it.
+    pub fn drive(&self) -> Drive {
+        Drive::of(&self.outcome, self.fault, self.jury)
+    }
 }
 
 /// Who drives, and who simulates: one a set of rules.
@@ -27,10 +51,10 @@ pub enum Wheel<'a> {
 }
 
 impl<'a> Stage<'a> {
-    pub fn new(suite: &'a Suite, threads: &Threads) -> Stage<'a> {
+    pub fn new(suite: &'a Suite, threads: &Threads) -> Result<Stage<'a>, Failure> {
         let prepared = threads.map(&suite.pool.scenes, |_, scene| PreparedScene::new(Arc::new(scene.clone())));
         let scenes = suite.pool.scenes.iter().map(|scene| scene.id.as_str()).zip(prepared).collect();
-        Stage { suite, scenes }
+        Ok(Stage { suite, scenes, realism: shipped_realism()? })
     }
 
     /// What is simulated in a case.
@@ -42,15 +66,40 @@ impl<'a> Stage<'a> {
         Ok(Plant::with_options(scene.clone(), rules)?)
     }
 
-    /// One rollout.
-    pub fn outcome(&self, case: &Case, wheel: &Wheel<'_>) -> Result<Outcome, NoOutcome> {
+    /// One rollout, why it ended as it did, and what is said of its contact.
+    pub fn drove(&self, case: &Case, wheel: &Wheel<'_>) -> Result<Drove, NoOutcome> {
         let plant = self.plant(case)?;
-        match wheel {
-            Wheel::Standing => Ok(rollout_assessed(&plant, &case.intervention, &mut Standing)?),
+        let (outcome, motion, timeline) = match wheel {
+            Wheel::Standing => rollout_explained(&plant, &case.intervention, &mut Standing)?,
             Wheel::Policy(ego, backends) => {
-                backend(backends, case)?.rollout(&plant, &case.intervention, ego, self.drawn(case))
+                backend(backends, case)?.explained(&plant, &case.intervention, ego, self.drawn(case))?
             }
-        }
+        };
+        let realism = case.program.map(|_| realism(&outcome, &self.realism).1);
+        Ok(Drove { timeline, realism, ..self.judged(case, &plant, wheel, (outcome, &motion))? })
+    }
+
+    /// Who is at fault for a contact, and who would have avoided it. A planner drove once: its motion is driven along again, which a car
+    /// on springs does not allow.
+    pub fn judged(
+        &self,
+        case: &Case,
+        plant: &Plant,
+        wheel: &Wheel<'_>,
+        (outcome, motion): (Outcome, &Trace),
+    ) -> Result<Drove, NoOutcome> {
+        let fault = fault_of(plant, &outcome, motion);
+        let driver: Option<Box<dyn Driver>> = match wheel {
+            Wheel::Standing => Some(Box::new(Standing)),
+            Wheel::Policy(Policy::Command(_), _) => (plant.options().plant.ego_car != EgoCar::Sprung)
+                .then(|| Box::new(Retraced::of(motion, outcome.contact.as_ref())) as Box<dyn Driver>),
+            Wheel::Policy(ego, _) => Some(ego.driver()),
+        };
+        let jury = match driver {
+            Some(mut driver) => jury(plant, &case.intervention, &mut *driver, &outcome)?,
+            None => None,
+        };
+        Ok(Drove { outcome, timeline: None, realism: None, fault, jury })
     }
 
     /// One rollout with its motion; `driver` is who is named in its caption.
@@ -84,6 +133,16 @@ impl<'a> Stage<'a> {
     /// The suite's seed, and of which program a case is.
     pub fn drawn(&self, case: &Case) -> (Seed, Under) {
         (Seed(self.suite.seed), self.suite.program(case).map_or(Under::Plain, under))
+    }
+}
+
+/// Realism as the shipped MetaDrive protocol scores it: one measure for the programs of all families.
+pub fn shipped_realism() -> Result<RealismOptions, Failure> {
+    match ProgramFile::published(&FamilyName::new("cat"))?.conditions.evaluation {
+        EvaluationOptions::Metadrive(options) => Ok(options.realism),
+        EvaluationOptions::Safebench { .. } => {
+            Err(Failure::internal("the shipped protocol of recorded traffic is another one"))
+        }
     }
 }
 

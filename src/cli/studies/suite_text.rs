@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
+use crate::cli::studies::suite_failures;
 use crate::evidence::aligned::Aligned;
 use crate::evidence::tables::{Estimate, csv_line};
 use crate::kernel::num;
@@ -37,7 +38,7 @@ fn bracketed(value: f64, interval: Option<[f64; 2]>) -> String {
 }
 
 /// Heads of a table of totals; a completion stands beside every crash rate.
-pub const HEADS: [&str; 11] = [
+pub const HEADS: [&str; 12] = [
     "by",
     "",
     "scenes",
@@ -46,6 +47,7 @@ pub const HEADS: [&str; 11] = [
     "unplayable",
     "crash rate",
     "preventable",
+    "at fault",
     "off road",
     "arrived",
     "completion",
@@ -62,6 +64,7 @@ pub fn cells(total: &Total) -> Vec<String> {
         total.unplayable.to_string(),
         share(total.crashes),
         share(total.preventable),
+        share(total.at_fault),
         share(total.off_road),
         share(total.arrived_of_playable()),
         mean(total.completion),
@@ -86,7 +89,7 @@ pub fn table(totals: &[Total], width: usize) -> String {
 
 /// What the numbers are.
 pub const NOTE: &str = "rates are shares of driven scenes with 95 % Wilson intervals; preventable: braking or swerving in time avoids the \
-                        contact, and it is no ram from behind; arrived: of the scenes that could be played those driven to the route's end without a contact; completion: mean share of the route, 95 % bootstrap; class: of the contact that the suite's own driver had";
+                        contact, and it is no ram from behind; at fault: by nuPlan's rule; arrived: of the scenes that could be played those driven to the route's end without a contact; completion: mean share of the route, 95 % bootstrap; class: of the contact that the suite's own driver had";
 
 /// The rules and the scenes that broke them, each with the command that plays it.
 pub fn rules(rules: &[Judged], result: &SuiteResult, command: &dyn Fn(&Played) -> String) -> String {
@@ -160,14 +163,23 @@ pub fn csv(result: &SuiteResult) -> String {
         "contact",
         "with_adversary",
         "preventable",
+        "at_fault",
+        "drivers_avoid",
+        "drivers",
         "contact_s",
         "relative_speed_mps",
         "reason",
+        "realism",
+        "failure",
+        "seen_before_s",
+        "reacted_before_s",
+        "last_chance",
+        "last_chance_before_s",
     ];
     let mut text = csv_line(&heads.map(String::from));
     for played in &result.cases {
         let own = [&played.case, &played.scene, &played.family, &played.cluster, &played.class].map(Clone::clone);
-        text.push_str(&csv_line(&[own.to_vec(), of_came(&played.came)].concat()));
+        text.push_str(&csv_line(&[own.to_vec(), of_came(&played.came), suite_failures::row(played)].concat()));
     }
     text
 }
@@ -182,6 +194,9 @@ fn of_came(came: &Came) -> Vec<String> {
                     met.class.name().to_string(),
                     met.adversary.to_string(),
                     drive.is_preventable().to_string(),
+                    drive.is_at_fault().map_or(String::new(), |is| is.to_string()),
+                    met.jury.map_or(String::new(), |jury| jury.avoid().to_string()),
+                    met.jury.map_or(String::new(), |jury| jury.of().to_string()),
                     met.time_s.to_string(),
                     met.relative_speed_mps.to_string(),
                 ]
@@ -189,9 +204,9 @@ fn of_came(came: &Came) -> Vec<String> {
             let seconds = drive.steps as f64 * crate::scene::DT_S;
             let own =
                 vec!["driven".into(), end.unwrap_or_default(), drive.completion.to_string(), num::fixed(seconds, 1)];
-            [own, met.unwrap_or_else(|| nothing(5)), nothing(1)].concat()
+            [own, met.unwrap_or_else(|| nothing(8)), nothing(1)].concat()
         }
-        Came::Fault { kind, reason } => [vec![kind.name().to_string()], nothing(8), vec![reason.clone()]].concat(),
-        Came::Unplayable { reason } => [vec!["unplayable".into()], nothing(8), vec![reason.clone()]].concat(),
+        Came::Fault { kind, reason } => [vec![kind.name().to_string()], nothing(11), vec![reason.clone()]].concat(),
+        Came::Unplayable { reason } => [vec!["unplayable".into()], nothing(11), vec![reason.clone()]].concat(),
     }
 }

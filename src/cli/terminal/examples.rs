@@ -22,6 +22,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("scenes split", "evodrive scenes split my.pool --held-out 10 --seed 1 --out open.pool --held-out-to closed.pool"),
     ("scenes show", "evodrive scenes show --attempt cat-idm/e0s3 --scene synth/merge/7/13 --html rollout.html"),
     ("scenes best", "evodrive scenes best --top 5 --by severity"),
+    ("scenes browse", "evodrive scenes browse my.pool --html browse.html"),
     ("scenes draw", "evodrive scenes draw --attempt cat-idm/e0s3 --scene synth/merge/7/13 --out strip.svg"),
     ("scenes export", "evodrive scenes export my.pool --format scenarionet --out exported"),
     ("scenes stats", "evodrive scenes stats my.pool"),

@@ -15,8 +15,8 @@ use crate::evidence::tables::LineagePreventable;
 use crate::experiment::Experiment;
 use crate::kernel::{Digest, num};
 use crate::objects::event::{LineageResult, Measured, RunResult};
-use crate::objects::realism_name;
 use crate::objects::replay::{ReplayRow, Suite};
+use crate::objects::{JudgedOn, RealismMean};
 use crate::text::counted;
 
 /// Characters of a gate's problem that a line of progress has room for.
@@ -103,7 +103,7 @@ pub fn summary(
     {
         let _ = writeln!(out, "attack is the experiment's own: {}\n", when.text());
     }
-    let strict = realism_name(experiment.evaluation.safebench().is_some());
+    let strict = experiment.evaluation.realism_name();
     // An event knows the ego's kind alone.
     let planner = experiment.driver.as_ref().map(|driver| driver.name());
     let ego = |ego: &str| planner.clone().filter(|_| ego == OWN_PLANNER).unwrap_or(ego.to_string());
@@ -124,7 +124,7 @@ pub fn summary(
     if let Some(words) = result.replay.iter().find(|replay| replay.suite == Suite::HeldOut).map(replay_words) {
         let _ = writeln!(out, "\n{words}");
     }
-    let _ = writeln!(out, "\n{}", column_words(safebench));
+    let _ = writeln!(out, "\n{}", column_words(safebench, experiment.evaluation.realism_mean()));
     if !result.lineages.is_empty() {
         let _ = writeln!(out, "\n{}", area_words(&result.lineages));
         if experiment.evaluation.safebench().is_some() {
@@ -143,7 +143,11 @@ pub fn summary(
         );
     }
     for lineage in fronts {
-        let _ = writeln!(out, "\nfront of {} (attack / {strict} on the scenes of all windows):", lineage.lineage);
+        let on = match experiment.archive.judged_on {
+            JudgedOn::WindowThenAll => "all windows",
+            JudgedOn::Window => "the last window",
+        };
+        let _ = writeln!(out, "\nfront of {} (attack / {strict} on the scenes of {on}):", lineage.lineage);
         let played = result.replay.iter().find(|r| r.suite == Suite::Evolution && r.ego == lineage.ego);
         if let Some(replay) = played {
             let crash = num::fixed(100.0 * replay.contact_rate, 1);
@@ -215,7 +219,7 @@ fn replay_words(replay: &ReplayRow) -> String {
 }
 
 /// What the columns mean whose heads do not say it.
-fn column_words(safebench: bool) -> String {
+fn column_words(safebench: bool, mean: RealismMean) -> String {
     let preventable = match safebench {
         true => "",
         false => {
@@ -223,9 +227,14 @@ fn column_words(safebench: bool) -> String {
              swerving; a ram from behind is none, whatever counts as attack; "
         }
     };
-    let strict = match safebench {
-        true => "ARS: SafeBench's adversarial realism score, which the search uses",
-        false => "strict realism: the smaller one of that and the mean over its successes, which the search uses",
+    let strict = match (safebench, mean) {
+        (true, _) => "ARS: SafeBench's adversarial realism score, which the search uses",
+        (false, RealismMean::Plain) => {
+            "plain realism: the mean over all scenes, 1 where it does not act, which the search uses"
+        }
+        (false, RealismMean::Strict) => {
+            "strict realism: the smaller one of that and the mean over its successes, which the search uses"
+        }
     };
     format!(
         "{preventable}realism: mean over the scenes that a program acts in; {strict}; coverage: share of the scenes that it acts in; \

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use super::settings::{EGO_STANDS_MPS, OTHER_STANDS_MPS, STEP_S, STEPS_A_MAP, Settings};
-use crate::kernel::{OrientedBox, Vec2, num};
+use super::settings::{STEP_S, STEPS_A_MAP, Settings};
+use crate::kernel::{OrientedBox, Vec2};
 use crate::scene::AgentKind;
+use crate::sim::fault::{ContactKind, OTHER_STANDS_MPS};
 use crate::sim::{ActorRef, View};
 
 /// Half the extent of a red light along the route, metres: its stop line is a wall.
@@ -92,21 +93,6 @@ fn wall(point: Vec2, heading_rad: f64) -> Other {
     Other { now, course: axis, speed_mps: 0.0, is_agent: false, is_light: true }
 }
 
-/// How a contact comes about, by nuPlan's rule: the first that holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ContactKind {
-    /// The ego stands.
-    EgoStands,
-    /// The other one stands, or is no road user.
-    OtherStands,
-    /// The other one is behind.
-    Rear,
-    /// It touches the ego's front bumper.
-    Front,
-    /// Neither.
-    Side,
-}
-
 /// The kind of a contact of the ego's box at a speed, with its rear axle there.
 pub fn contact_kind(
     own: &OrientedBox,
@@ -115,21 +101,5 @@ pub fn contact_kind(
     other: &Other,
     theirs: &OrientedBox,
 ) -> ContactKind {
-    if speed_mps <= EGO_STANDS_MPS {
-        return ContactKind::EgoStands;
-    }
-    if other.stands() {
-        return ContactKind::OtherStands;
-    }
-    if seen_at_rad(own, rear_axle, theirs) > super::settings::BEHIND_RAD {
-        return ContactKind::Rear;
-    }
-    let bumper = OrientedBox { center: own.center + own.axis * own.half_length_m, half_length_m: 0.0, ..*own };
-    if bumper.overlaps(theirs) { ContactKind::Front } else { ContactKind::Side }
-}
-
-/// Angle between the ego's heading and the way from its rear axle to somebody's centre, radians.
-pub fn seen_at_rad(own: &OrientedBox, rear_axle: Vec2, theirs: &OrientedBox) -> f64 {
-    let to = theirs.center - rear_axle;
-    num::atan2(own.axis.cross(to), own.axis.dot(to)).abs()
+    ContactKind::of(own, rear_axle, speed_mps, (theirs, other.stands()))
 }

@@ -5,17 +5,17 @@
 //! steps, a leader that is looked for at even steps alone, an emergency brake whose reference may run backwards.
 
 mod areas;
-mod centreline;
+pub(super) mod centreline;
 mod comfort;
 mod fit;
-mod forecast;
+pub(super) mod forecast;
 mod proposals;
 mod score;
 mod settings;
-mod simulated;
+pub(super) mod simulated;
 #[cfg(test)]
 mod tests;
-mod tracker;
+pub(super) mod tracker;
 
 pub use settings::{PUBLISHED, Settings};
 
@@ -52,15 +52,6 @@ impl PdmDriver {
     pub fn new(settings: Settings) -> PdmDriver {
         PdmDriver { settings, way: None, passed_over: BTreeSet::new() }
     }
-
-    /// The limit of the lane where the ego is, else what the scene aims at, else the published speed, m/s.
-    fn limit_mps(&self, view: &View<'_>) -> f64 {
-        let (plant, ego) = (view.plant(), view.ego());
-        let place = plant.lanes().nearest_lane(ego.sample.position, ego.sample.heading_rad, LIMIT_WITHIN_M);
-        let limit = place.and_then(|place| plant.scene().road.lanes[place.lane].speed_limit_mps);
-        let known = limit.or(plant.target_speed_mps()).filter(|limit| limit.is_finite() && *limit > 0.0);
-        known.unwrap_or(self.settings.free_speed_mps)
-    }
 }
 
 impl Driver for PdmDriver {
@@ -74,7 +65,7 @@ impl Driver for PdmDriver {
     }
 
     fn decide(&mut self, view: &View<'_>) -> Control {
-        let limit_mps = self.limit_mps(view);
+        let limit_mps = limit_mps(view, self.settings.free_speed_mps);
         let (settings, ego) = (&self.settings, view.ego());
         let Some(way) = &self.way else {
             // A scene whose route is no line is refused before anybody drives it.
@@ -110,8 +101,17 @@ impl Driver for PdmDriver {
     }
 }
 
+/// The limit of the lane where the ego is, else what the scene aims at, else a speed, m/s.
+pub(super) fn limit_mps(view: &View<'_>, free_speed_mps: f64) -> f64 {
+    let (plant, ego) = (view.plant(), view.ego());
+    let place = plant.lanes().nearest_lane(ego.sample.position, ego.sample.heading_rad, LIMIT_WITHIN_M);
+    let limit = place.and_then(|place| plant.scene().road.lanes[place.lane].speed_limit_mps);
+    let known = limit.or(plant.target_speed_mps()).filter(|limit| limit.is_finite() && *limit > 0.0);
+    known.unwrap_or(free_speed_mps)
+}
+
 /// The stop point of the nearest red light ahead, and the route's heading there.
-fn red_light(view: &View<'_>) -> Option<(Vec2, f64)> {
+pub(super) fn red_light(view: &View<'_>) -> Option<(Vec2, f64)> {
     let along = view.ego().along;
     let s_m = along.s_m + view.red_light_m()?;
     Some((view.route().at(s_m, along.segment), view.route().heading_at(s_m, along.segment)))

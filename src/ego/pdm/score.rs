@@ -4,11 +4,12 @@
 use super::areas::{Areas, areas};
 use super::centreline::Centreline;
 use super::comfort::is_comfortable;
-use super::forecast::{ContactKind, Other, contact_kind, seen_at_rad};
-use super::settings::{AHEAD_RAD, BEHIND_RAD, OTHER_STANDS_MPS, PROGRESS_MIN_M, STATES, STEP_S, Settings};
+use super::forecast::{Other, contact_kind};
+use super::settings::{AHEAD_RAD, PROGRESS_MIN_M, STATES, STEP_S, Settings};
 use super::simulated::{Car, State};
 use crate::kernel::OrientedBox;
 use crate::sim::Plant;
+use crate::sim::fault::{BEHIND_RAD, ContactKind, OTHER_STANDS_MPS, seen_at_rad};
 
 /// A proposal as it was judged.
 #[derive(Clone, Copy, Debug, PartialEq)]

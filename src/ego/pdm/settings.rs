@@ -89,12 +89,6 @@ pub const PUBLISHED: Settings = Settings {
     yaw_radps: 0.95,
 };
 
-/// A speed of at most this is standing: the ego's, m/s (nuPlan's collision metric).
-pub const EGO_STANDS_MPS: f64 = 0.05;
-/// The same of others, and of the ego where its time to collision is asked for, m/s.
-pub const OTHER_STANDS_MPS: f64 = 0.005;
-/// Who is seen at more than this from the ego's heading is behind, radians.
-pub const BEHIND_RAD: f64 = 150.0 * num::PI / 180.0;
 /// Who is seen at less than this from the ego's heading is ahead, radians.
 pub const AHEAD_RAD: f64 = 20.0 * num::PI / 180.0;
 /// Progress of the best proposal up to which all are alike, metres.

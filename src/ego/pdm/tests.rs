@@ -2,11 +2,12 @@
 
 use proptest::prelude::*;
 
-use super::forecast::{ContactKind, Other, contact_kind};
+use super::forecast::{Other, contact_kind};
 use super::*;
 use crate::ego::Policy;
 use crate::kernel::{OrientedBox, num};
 use crate::scene::{AgentKind, Lane, Light, LightState, Road, Scene};
+use crate::sim::fault::ContactKind;
 use crate::sim::scenes::{car, crossing, lane, sample, straight, straight_road};
 use crate::sim::{End, Intervention, Outcome, Side, Size, Striker, Trace, rollout_traced};
 

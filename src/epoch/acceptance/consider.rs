@@ -17,8 +17,8 @@ use crate::epoch::slots::draft::{Considered, Draft, Reached, RoutedCandidate};
 use crate::kernel::Digest;
 use crate::objects::entry::diagnostics_mean;
 use crate::objects::{
-    AcceptanceGates, Attempt, AttemptId, Candidate, Decision, Entry, Exit, Program, Race, Score, Slot, SolutionId,
-    WorldLabel,
+    AcceptanceGates, AcceptanceRequirement, Attempt, AttemptId, Candidate, Decision, Entry, Exit, FrontOf, Program,
+    Race, Score, Slot, SolutionId, WorldLabel,
 };
 use crate::sim::SIM_VERSION;
 
@@ -67,7 +67,8 @@ impl Judged {
         self.leaders = match study.rival() {
             Some(rival) => search::lead(rival, &parents, &accepted),
             None => loop {
-                let led = promote(options.promotion, &front, &parents, &accepted, options.reference);
+                let must_act = options.requires.has(AcceptanceRequirement::Acts);
+                let led = promote(options.promotion, &front, &parents, &accepted, (options.reference, must_act));
                 // Where labels are shuffled, a race would see the true ones.
                 let level = options.race.filter(|_| self.swapped.is_empty());
                 let (Some(leaders), Some(level)) = (&led, level) else { break led };
@@ -159,7 +160,8 @@ pub fn foretell(
 }
 
 /// Compares a candidate with its parent and the front: first on the window, and where it holds there, on the scenes of all
-/// windows so far, which decide. Who is accepted stands on the front from then on.
+/// windows so far, which decide; on the window alone where the archive judges on that. Who is accepted, or evaluated where the front is of
+/// all, stands on the front from then on.
 fn accept(
     study: &Study,
     snapshot: &Snapshot<'_>,
@@ -194,7 +196,7 @@ fn accept(
         ..entry(snapshot, &candidate.program, candidate.program_hash, &score, scenes)
     };
     let solution = candidate.program.solution_id.clone();
-    if !accepted {
+    if !accepted && study.archive.front == FrontOf::Accepted {
         judged.archive.keep(entry)?;
         return Ok(Decision { promoted: false, on_front: false, gates, race: None });
     }

@@ -16,7 +16,7 @@ use crate::epoch::setting::study::{LineageSpec, Study};
 use crate::epoch::state::State;
 use crate::kernel::num;
 use crate::objects::{
-    Attempt, Objectives, Score, SolutionId,
+    Attempt, Objectives, RealismMean, Score, SolutionId,
     event::{AtRealism, ExitCounts, Finalist, FrontPoint, HeldOut, LineageResult, Measured, RunResult, kind},
 };
 
@@ -140,9 +140,10 @@ fn frontier_gain(
         let gains = rounds::pf_area_by_group_pct(study, options, parent_score, &descendants, FRONTIER_BUDGET, desk)?;
         return Ok((num::mean(&gains.values().copied().collect::<Vec<f64>>()).unwrap_or(0.0), gains));
     }
-    // Whoever acts nowhere has no place in the plane: neither parent nor descendants.
+    // Whoever acts nowhere has no place in the plane, but by the plain mean: neither parent nor descendants.
+    let placed = |of: &Measured| of.coverage > 0.0 || study.evaluation.realism_mean() == RealismMean::Plain;
     let acting = |solutions: &[SolutionId]| -> Vec<Objectives> {
-        solutions.iter().map(|s| &measured[s]).filter(|of| of.coverage > 0.0).map(|of| of.objectives).collect()
+        solutions.iter().map(|s| &measured[s]).filter(|of| placed(of)).map(|of| of.objectives).collect()
     };
     let parents = acting(std::slice::from_ref(parent));
     Ok((pf_area_pct(&parents, &acting(&choice.top), FRONTIER_BUDGET, &study.archive), BTreeMap::new()))

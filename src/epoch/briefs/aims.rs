@@ -31,6 +31,8 @@ pub struct Seen {
     weakest: Option<(String, f64, usize)>,
     /// What the family offers.
     can: Can,
+    /// Whether questions tell what the ego sees.
+    sight: bool,
 }
 
 /// Parts of a family's contract that an instruction needs.
@@ -48,8 +50,14 @@ struct Can {
 const UNCOUNTED: [&str; 5] = ["anyway", "unmoved", "bystander", "unavoidable", "not_counted"];
 
 impl Seen {
-    /// From all rows of a window.
-    pub fn of(rows: &[SceneRow], clusters: &[Cluster], outcome: &ParentOutcome, contract: &Contract) -> Seen {
+    /// From all rows of a window. `sight`: whether questions tell what the ego sees, and may speak of it.
+    pub fn of(
+        rows: &[SceneRow],
+        clusters: &[Cluster],
+        outcome: &ParentOutcome,
+        contract: &Contract,
+        sight: bool,
+    ) -> Seen {
         let mut outcomes: BTreeMap<&'static str, usize> = BTreeMap::new();
         rows.iter().for_each(|row| *outcomes.entry(row.outcome).or_default() += 1);
         let labelled = |cluster: &Cluster| cluster.outcomes.values().sum::<usize>();
@@ -72,7 +80,7 @@ impl Seen {
             several,
         };
         let near_misses = outcome.near_misses.unwrap_or_default();
-        Seen { scenes: rows.len(), outcomes, near_misses, spared, weakest, can }
+        Seen { scenes: rows.len(), outcomes, near_misses, spared, weakest, can, sight }
     }
 
     fn count(&self, outcomes: &[&str]) -> usize {
@@ -101,7 +109,9 @@ impl Seen {
             all.push((far + missed, format!("In {} of {scenes} scenes nobody is met and the ego need not brake: look at when the change begins and how long it lasts.", far + missed)));
         }
         if braked > 0 {
-            all.push((braked, format!("In {braked} of {scenes} scenes the ego brakes in time: look at what it sees when (`how`), and whom it does not heed.")));
+            let look =
+                if self.sight { "at what it sees when (`how`), and whom it does not heed" } else { "at when (`how`)" };
+            all.push((braked, format!("In {braked} of {scenes} scenes the ego brakes in time: look {look}.")));
         }
         if self.near_misses > 0 {
             all.push((
@@ -226,7 +236,7 @@ mod tests {
             near_misses: Some(0),
         };
         let sources = sources();
-        Seen::of(&rows, &[], &outcome, &sources.get(&FamilyName::new(family)).unwrap().contract)
+        Seen::of(&rows, &[], &outcome, &sources.get(&FamilyName::new(family)).unwrap().contract, true)
     }
 
     #[test]

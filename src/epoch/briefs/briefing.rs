@@ -74,15 +74,19 @@ pub fn parent_outcome(parent: &Score) -> ParentOutcome {
     }
 }
 
-/// The ego in a sentence, for prompts.
-pub fn ego_sentence(ego: &Policy) -> &'static str {
+/// The ego in a sentence, for prompts; its name alone where the study does not tell what it sees.
+pub fn ego_sentence<'e>(study: &Study, ego: &'e Policy) -> &'e str {
     match ego.name() {
+        name if study.without.sight => name,
         "idm" => {
             "idm: MetaDrive's TrajectoryIDMPolicy along its route; brakes for whoever is in its path, heeds no light"
         }
         "idm-lights" => "idm-lights: TrajectoryIDMPolicy along its route that also stops at red lights",
         "pdm" => {
             "pdm: PDM-Closed, which tries fifteen ways along its route against a forecast of everybody within 50 m"
+        }
+        "frenet" => {
+            "frenet: CommonRoad's reactive planner, which samples manoeuvres beside its route that meet nobody within 6 s"
         }
         "command" => "command: a planner of its own; a fixed function of what it sees around it",
         "replay" => "replay: the recorded motion, blind to everybody",

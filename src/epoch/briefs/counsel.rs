@@ -112,7 +112,7 @@ impl Rehearsal<'_> {
             lineage: &self.spec.id,
             scene: &entry.scene().id,
             slot: u32::try_from(place).unwrap_or(u32::MAX),
-            ego: briefing::ego_sentence(&self.spec.ego),
+            ego: briefing::ego_sentence(self.study, &self.spec.ego),
             drive: &situation.as_deref().map(drive).unwrap_or_default(),
             vehicles: &vehicles.unwrap_or_default(),
             attackers_max: attackers_max.map_err(|error| unfit(self.spec, &error))?,

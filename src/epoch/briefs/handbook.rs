@@ -8,6 +8,9 @@ use crate::epoch::RunError;
 use crate::epoch::setting::study::{LineageSpec, Study};
 use crate::evaluation::metrics::place_of_kind;
 use crate::evaluation::{EvaluationOptions, Limits, MetadriveOptions, SafebenchOptions};
+use crate::objects::{
+    AcceptanceRequirement, AttackRequirement, FrontOf, GatesAsked, JudgedOn, RealismMean, UnreadableCritic,
+};
 
 /// Writes the handbook out.
 pub fn handbook(study: &Study, spec: &LineageSpec) -> Result<Handbook, RunError> {
@@ -27,10 +30,10 @@ pub fn handbook(study: &Study, spec: &LineageSpec) -> Result<Handbook, RunError>
         detail: (!study.questions.is_plain()).then(|| Detail {
             search: search_in_words(source.contract.family.as_str()).unwrap_or_default(),
             around: around_search_in_words(source.contract.backend == "safebench", study.questions.is_compact()),
-            ego: match &spec.ego {
+            ego: (!study.without.sight).then(|| match &spec.ego {
                 Policy::Learned(weights) => learned_in_words(weights.setting.name()),
                 ego => ego_in_words(ego.name()),
-            },
+            }),
             compact: study.questions.is_compact(),
         }),
     };
@@ -54,7 +57,43 @@ pub fn measures(study: &Study) -> Measures {
         realism_min: study.selector.realism_min,
     };
     let rule = study.search.as_ref().and_then(|search| search.described());
-    Measures { protocol, acceptance, rule, tradeoff: !study.without.tradeoff, fixed_bodies: study.fixed_bodies }
+    let (tradeoff, fixed_bodies) = (!study.without.tradeoff, study.fixed_bodies);
+    Measures { protocol, acceptance, rule, tradeoff, fixed_bodies, otherwise: otherwise(study) }
+}
+
+/// Rules in which a study has not ours, which the texts tell.
+fn otherwise(study: &Study) -> Vec<&'static str> {
+    let (archive, proposals) = (&study.archive, &study.proposals);
+    let labels = match &study.evaluation {
+        EvaluationOptions::Safebench { .. } => Vec::new(),
+        EvaluationOptions::Metadrive(options) => {
+            let lacks = |of| !options.attack.requires.has(of);
+            vec![
+                (lacks(AttackRequirement::Adversary), "a contact of the ego counts with whomever it is"),
+                (lacks(AttackRequirement::Acts), "whom the ego meets need not have acted"),
+                (lacks(AttackRequirement::NotMetAnyway), "a contact counts that plain replay has too"),
+                (
+                    options.realism.mean == RealismMean::Plain,
+                    "R is the mean of r(scene) over all scenes, 1 where the program does not act",
+                ),
+                (!options.realism.excuses_recordings, "the adversary's own log excuses nothing"),
+            ]
+        }
+    };
+    let lacks = |of| !archive.requires.has(of);
+    let others = [
+        (lacks(AcceptanceRequirement::Acts), "a child need not act to be accepted"),
+        (lacks(AcceptanceRequirement::Differs), "its labels may be its parent's"),
+        (archive.front == FrontOf::Evaluated, "the front is made of all measured programs"),
+        (archive.judged_on == JudgedOn::Window, "programs are compared on the epoch's window alone"),
+        (!proposals.effect_gate, "there is no effect gate"),
+        (
+            proposals.gates == GatesAsked::AfterCritics,
+            "gates judge a patch once its critics approve, and nothing is repaired for them",
+        ),
+        (proposals.unreadable_critic == UnreadableCritic::Blocks, "a review that cannot be read ends the proposal"),
+    ];
+    labels.into_iter().chain(others).filter(|(holds, _)| *holds).map(|(_, says)| says).collect()
 }
 
 fn metadrive(options: &MetadriveOptions, reaction_s: f64) -> Protocol {
@@ -150,7 +189,9 @@ mod tests {
             coverage_floor: 0.8,
             realism_min: 0.95,
         };
-        Measures { protocol, acceptance, rule: None, tradeoff: true, fixed_bodies: true }.text(false).unwrap()
+        Measures { protocol, acceptance, rule: None, tradeoff: true, fixed_bodies: true, otherwise: vec![] }
+            .text(false)
+            .unwrap()
     }
 
     #[test]

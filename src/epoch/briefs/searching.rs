@@ -186,6 +186,15 @@ pub fn ego_in_words(name: &str) -> &'static str {
              stops at red lights; at 5 m/s or less a contact forecast within 2 s makes it brake fully. Whom it has touched \
              it no longer sees. It decides every 0.1 s."
         }
+        "frenet" => {
+            "frenet samples manoeuvres along its route: to speeds from 8.6 m/s below its own to 2 m/s above, and to offsets \
+             of up to 3 m beside the route, that end after 0.4 to 6 s. Of those that its car can drive (at most 4.9 m/s^2 to \
+             the side) and that keep to the road it drives the cheapest (smooth, near the lane's limit or 15 m/s, near the \
+             route) that meets nobody within 6 s with 1 m of room ahead and 0.3 m aside; else it brakes fully. It forecasts \
+             everybody within 50 m, on all sides, of whom each keeps speed and heading, and gives way to who would drive into \
+             its side, but not to who comes from behind; it expects nobody to brake, turn or start, and stops at red lights. \
+             Whom it has touched it no longer sees. It plans anew every 0.3 s."
+        }
         "replay" => {
             "replay repeats its recorded motion whatever happens: it heeds nobody, never brakes or swerves for anyone, \
              and the recorded traffic repeats its log too, also behind it. So a followed candidate that is predicted \

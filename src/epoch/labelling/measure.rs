@@ -14,7 +14,9 @@ use crate::objects::{SceneScore, Score};
 
 /// The measure for comparing these scores.
 pub fn measure(study: &Study, scores: &[&Score], tools: &Tools<'_>) -> Result<Box<dyn Measure>, RunError> {
-    let Some(options) = study.evaluation.safebench() else { return Ok(Box::new(MeanOverScenes)) };
+    let Some(options) = study.evaluation.safebench() else {
+        return Ok(Box::new(MeanOverScenes { mean: study.evaluation.realism_mean() }));
+    };
     let groups = groups(study, &study.evolution);
     let mut runs = BTreeMap::new();
     for scene in scores.iter().flat_map(|score| &score.scenes) {
@@ -131,7 +133,7 @@ mod tests {
         [crashed, passed].into_iter().for_each(|run| runs.add((TrafficFamily::RightTurn, 4), run));
         let objectives = runs.benchmark().unwrap().mean;
         assert_eq!((account.whole.attack, account.whole.realism), (objectives.attack, Some(objectives.realism)));
-        let mean = MeanOverScenes.account(&scenes.iter().collect::<Vec<_>>()).whole.attack;
+        let mean = MeanOverScenes::default().account(&scenes.iter().collect::<Vec<_>>()).whole.attack;
         assert!(mean > 1.5 * account.whole.attack, "{mean} {}", account.whole.attack);
         // One left out: the other alone.
         assert_eq!(account.without.iter().map(|m| m.attack).collect::<Vec<_>>(), [0.0, scenes[0].attack]);

@@ -11,7 +11,7 @@ use crate::evaluation::RolloutRecord;
 use crate::kernel::Seed;
 use crate::objects::{Counsel, Counselled, Program};
 use crate::scene::Sample;
-use crate::sim::{Intervention, Outcome, Trace, commands};
+use crate::sim::{Intervention, Outcome, Timeline, Trace, commands};
 
 /// Plays a study's rollouts again.
 pub struct Player<'s> {
@@ -41,12 +41,38 @@ impl<'s> Player<'s> {
 
     /// The rollout of a program in the scene at a place. A text is the reason why there is none.
     pub fn trace(&self, spec: &LineageSpec, program: &Program, place: usize) -> Result<Traced, String> {
+        self.prepared(spec, program, place, |prepared, situation, drawn| {
+            traced(&self.backend, prepared, situation, drawn, (&self.study.scenes[place], &spec.ego))
+        })
+    }
+
+    /// What led to the contact of that rollout, where it has one.
+    ///
+    /// # Errors
+    /// The reason why there is no rollout.
+    pub fn timeline(&self, spec: &LineageSpec, program: &Program, place: usize) -> Result<Option<Timeline>, String> {
+        self.prepared(spec, program, place, |prepared, situation, (seed, counsel, under)| {
+            let compiled =
+                prepared.compile_counselled(situation, seed, counsel).map_err(|failure| failure.to_string())?;
+            let (plant, ego) = (&situation.plant, &spec.ego);
+            let explained = self.backend.explained(plant, &compiled.intervention, ego, (seed, under));
+            Ok(explained.map_err(NoOutcome::reason)?.2)
+        })
+    }
+
+    fn prepared<T>(
+        &self,
+        spec: &LineageSpec,
+        program: &Program,
+        place: usize,
+        then: impl FnOnce(&Prepared<'_>, &Situation, (Seed, Option<&Counsel>, Under)) -> Result<T, String>,
+    ) -> Result<T, String> {
         let source = self.study.source(spec).map_err(|error| error.to_string())?;
         let prepared = Prepared::new(program, source).map_err(|failure| failure.to_string())?;
         let situation = self.situations.at(place, &spec.ego, &self.backend).map_err(NoOutcome::reason)?;
         let counsel = self.counsels.at(self.study, spec, place).map_err(|error| error.to_string())?;
-        let (place, under) = ((&self.study.scenes[place], &spec.ego), self.study.under(prepared.hash()));
-        traced(&self.backend, &prepared, &situation, (self.study.seed, counsel, under), place)
+        let under = self.study.under(prepared.hash());
+        then(&prepared, &situation, (self.study.seed, counsel, under))
     }
 
     /// The scene at a place without a program, driven by a lineage's ego: outcome and motion, or the reason why there are none.

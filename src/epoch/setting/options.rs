@@ -5,6 +5,27 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::objects::{GatesAsked, UnreadableCritic};
+
+/// `[proposals]`: how a proposal is judged before any rollout, where that is not our way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ProposalOptions {
+    /// Whether a child that does what its parent does on every probe scene goes no further. The paper has seven gates, not this one.
+    pub effect_gate: bool,
+    /// What becomes of a proposal of which a critic gave no readable review.
+    pub unreadable_critic: UnreadableCritic,
+    /// When the gates judge a patch.
+    pub gates: GatesAsked,
+}
+
+impl Default for ProposalOptions {
+    fn default() -> ProposalOptions {
+        let (unreadable_critic, gates) = (UnreadableCritic::default(), GatesAsked::default());
+        ProposalOptions { effect_gate: true, unreadable_critic, gates }
+    }
+}
+
 /// `[without]`: parts of the system that a run does without, so that their worth can be told.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -25,12 +46,16 @@ pub struct Without {
     pub audit: bool,
     /// The parent trade-off gate accepts nobody.
     pub tradeoff: bool,
+    /// No question says what the driver under test sees and how it drives; its name stays. Absent from digests where it is false,
+    /// because files were recorded before it was there.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub sight: bool,
 }
 
 impl Without {
     /// Names of what is left out.
     pub fn names(&self) -> Vec<&'static str> {
-        let Without { critics, repair, memory, conditions, mechanisms, isolation, audit, tradeoff } = *self;
+        let Without { critics, repair, memory, conditions, mechanisms, isolation, audit, tradeoff, sight } = *self;
         let all = [
             ("critics", critics),
             ("repair", repair),
@@ -40,6 +65,7 @@ impl Without {
             ("isolation", isolation),
             ("audit", audit),
             ("tradeoff", tradeoff),
+            ("sight", sight),
         ];
         all.into_iter().filter(|(_, left_out)| *left_out).map(|(name, _)| name).collect()
     }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::options::{CompositionOptions, CounselOptions, Without};
+use super::options::{CompositionOptions, CounselOptions, ProposalOptions, Without};
 use crate::adapters::{Contract, Registry};
 use crate::agents::Questions;
 use crate::archive::search::{Method, SearchOptions};
@@ -17,8 +17,8 @@ use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::llm::ModelSpec;
 use crate::memory::{CurationOptions, MemoryOptions};
 use crate::objects::{
-    Composed, FamilyName, Gate, LineageId, Origin, ParameterValue, Program, Role, RoutingChoice, WorldConfiguration,
-    WorldModel,
+    Composed, FamilyName, Gate, JudgedOn, LineageId, Origin, ParameterValue, Program, Role, RoutingChoice,
+    WorldConfiguration, WorldModel,
 };
 use crate::scene::{PreparedScene, Scene, SceneFeatures};
 use crate::sim::SimulatorOptions;
@@ -60,6 +60,8 @@ pub struct Study {
     pub search: Option<SearchOptions>,
     /// Parts of the system that this run does without.
     pub without: Without,
+    /// How a proposal is judged before any rollout.
+    pub proposals: ProposalOptions,
     /// Whether no patch brings in a sort of road user that its parent does not insert.
     pub fixed_bodies: bool,
     /// Which form questions have.
@@ -169,8 +171,9 @@ impl Study {
 
     /// Gates that this run does not ask.
     fn skipped_gates(&self) -> Vec<Gate> {
-        let effect = (self.method() == Method::OpenEvolve).then_some(Gate::Effect);
-        let isolation = (self.without.isolation || effect.is_some()).then_some(Gate::Isolation);
+        let as_openevolve = self.method() == Method::OpenEvolve;
+        let effect = (as_openevolve || !self.proposals.effect_gate).then_some(Gate::Effect);
+        let isolation = (self.without.isolation || as_openevolve).then_some(Gate::Isolation);
         isolation.into_iter().chain(effect).collect()
     }
 
@@ -316,6 +319,14 @@ impl Study {
             }
         }
         places
+    }
+
+    /// Places of the scenes on which the programs of an epoch are compared at last.
+    pub fn judged_on(&self, epoch: u32) -> Vec<usize> {
+        match self.archive.judged_on {
+            JudgedOn::WindowThenAll => self.windows_up_to(epoch),
+            JudgedOn::Window => self.window(epoch),
+        }
     }
 
     /// Places of all evolution scenes in the order in which windows open them: those up to an epoch's window first.

@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 
 use super::outcome_formula::OutcomeFormula;
+use crate::objects::{AttackRequirement, Required};
 use crate::sim::{Contact, ContactClass, Outcome};
 
 /// Which contacts with an adversary are failures of the ego: the table `[evaluation.attack]`. A class stands in one of
@@ -21,20 +22,38 @@ pub struct AttackOptions {
     /// An expression over the outcome that decides in place of the lists, where the experiment declares one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub when: Option<OutcomeFormula>,
+    /// What a contact needs besides its class; all that we ask where the table does not say.
+    #[serde(default, skip_serializing_if = "Required::is_unsaid")]
+    pub requires: Required<AttackRequirement>,
 }
 
 /// The table as a file may hold it.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct WrittenOptions {
+    #[serde(default)]
+    reading: Option<Reading>,
     counts: Vec<ContactClass>,
     counts_if_avoidable: Vec<ContactClass>,
     #[serde(default)]
     when: Option<OutcomeFormula>,
+    #[serde(default)]
+    requires: Required<AttackRequirement>,
 }
 
+/// A reading with a name, in place of an expression.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Reading {
+    /// Contacts with an adversary for which the ego is at fault by nuPlan's rule.
+    AtFault,
+}
+
+/// What `reading = "at_fault"` stands for.
+pub const AT_FAULT: &str = "contact_adversary and contact_at_fault";
+
 /// `[evaluation.attack]` that defines no label.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AttackOptionsError {
     /// A class of contact that is named in both lists, or twice in one.
     #[error("evaluation.attack names {0} twice; name a class once, in `counts` or in `counts_if_avoidable`")]
@@ -42,6 +61,12 @@ pub enum AttackOptionsError {
     /// No class of contact is named.
     #[error("evaluation.attack counts no class, so no program could ever attack; name at least one")]
     Nothing,
+    /// A reading beside an expression, or one that is none.
+    #[error("evaluation.attack holds `reading` and `when`, which both decide; leave one of them out")]
+    Both,
+    /// The expression of a reading cannot be read: a fault of this program.
+    #[error("evaluation.attack.reading: {0}")]
+    Reading(String),
 }
 
 impl TryFrom<WrittenOptions> for AttackOptions {
@@ -55,22 +80,31 @@ impl TryFrom<WrittenOptions> for AttackOptions {
                 return Err(AttackOptionsError::Twice(class.name()));
             }
         }
-        if seen.is_empty() && written.when.is_none() {
+        let when = match (written.reading, written.when) {
+            (Some(_), Some(_)) => return Err(AttackOptionsError::Both),
+            (Some(Reading::AtFault), None) => {
+                let read = OutcomeFormula::try_from(AT_FAULT.to_string());
+                Some(read.map_err(|error| AttackOptionsError::Reading(error.to_string()))?)
+            }
+            (None, when) => when,
+        };
+        if seen.is_empty() && when.is_none() {
             return Err(AttackOptionsError::Nothing);
         }
         Ok(AttackOptions {
             counts: written.counts.into_iter().collect(),
             counts_if_avoidable: written.counts_if_avoidable.into_iter().collect(),
-            when: written.when,
+            when,
+            requires: written.requires,
         })
     }
 }
 
 impl AttackOptions {
-    /// Whether a contact is a failure of the ego. One that nobody assessed is never taken for avoidable.
+    /// Whether a contact is a failure of the ego by its class and partner. One that nobody assessed is never taken for avoidable.
     pub fn counts(&self, contact: &Contact) -> bool {
         let avoidable = contact.avoidable == Some(true);
-        contact.adversary
+        (contact.adversary || !self.requires.has(AttackRequirement::Adversary))
             && (self.counts.contains(&contact.class) || avoidable && self.counts_if_avoidable.contains(&contact.class))
     }
 }

@@ -20,13 +20,15 @@ pub mod soft;
 pub mod speed_of_kind;
 pub mod wrong_way;
 
-pub use attack::{AttackOptions, AttackOptionsError, PublishedReadings};
+pub use attack::{AT_FAULT, AttackOptions, AttackOptionsError, PublishedReadings};
 pub use limits::{Calibration, Limit, Limits};
 pub use outcome_formula::{OutcomeFormula, outcome_fields};
 pub use realism::{OptionsError, RealismOptions, Weights};
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+
+use crate::objects::{LabelRules, RealismMean, realism_name};
 
 /// Everything that turns outcomes into objectives: one of the two protocols. Comes from the experiment file, where
 /// `[evaluation.attack]` and `[evaluation.realism]` stand for MetaDrive's and `[evaluation.safebench]` for the other.
@@ -56,12 +58,32 @@ pub struct MetadriveOptions {
     pub metrics: BTreeMap<String, OutcomeFormula>,
 }
 
+impl MetadriveOptions {
+    /// By which rules labels are summed up.
+    pub fn rules(&self) -> LabelRules {
+        LabelRules { mean: self.realism.mean, attack: self.attack.requires.clone() }
+    }
+}
+
 /// Own metrics that an experiment may declare: each is a column of every prompt's window.
 const METRICS_MAX: usize = 8;
 /// Longest name of one.
 const METRIC_NAME_CHARS: usize = 40;
 
 impl EvaluationOptions {
+    /// What the objective's realism is a mean of; SafeBench's has one form.
+    pub fn realism_mean(&self) -> RealismMean {
+        match self {
+            EvaluationOptions::Safebench { .. } => RealismMean::default(),
+            EvaluationOptions::Metadrive(options) => options.realism.mean,
+        }
+    }
+
+    /// What people call it.
+    pub fn realism_name(&self) -> &'static str {
+        realism_name(self.safebench().is_some(), self.realism_mean())
+    }
+
     /// Options of SafeBench's protocol, if this is it.
     pub fn safebench(&self) -> Option<&safebench::SafebenchOptions> {
         match self {

@@ -7,7 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::objects::ValueType;
 use crate::objects::expr::{Compiled, Expr, Scope};
-use crate::sim::{Contact, End, Outcome, Striker};
+use crate::sim::{Contact, End, Fault, Outcome, Striker};
+
+/// The field that says who is at fault.
+const AT_FAULT: &str = "contact_at_fault";
 
 /// Where there was nothing to measure, metres and seconds: as far as nobody looks.
 const NOTHING_M: f64 = 200.0;
@@ -38,11 +41,14 @@ fn share(holds: bool) -> f64 {
 }
 
 /// What an expression may read, in the order of its scope.
-const FIELDS: [Field; 22] = [
+const FIELDS: [Field; 23] = [
     truth("contact", "the ego met somebody", |o| share(o.contact.is_some())),
     truth("contact_adversary", "it met an adversary", |o| of_contact(o, 0.0, |c| share(c.adversary))),
     truth("contact_avoidable", "braking or swerving would have avoided it", |o| {
         of_contact(o, 0.0, |c| share(c.avoidable == Some(true)))
+    }),
+    truth(AT_FAULT, "the ego is at fault for it by nuPlan's rule; needs simulator.at_fault = true", |o| {
+        of_contact(o, 0.0, |c| share(c.fault.is_some_and(Fault::is_egos)))
     }),
     truth("contact_by_ego", "the ego drove into the other, alone or both into each other", |o| {
         of_contact(o, 0.0, |c| share(c.striker != Striker::Other))
@@ -98,6 +104,7 @@ pub fn outcome_fields() -> impl Iterator<Item = (&'static str, &'static str, &'s
 pub struct OutcomeFormula {
     text: String,
     code: Arc<Compiled>,
+    asks_at_fault: bool,
 }
 
 impl PartialEq for OutcomeFormula {
@@ -127,7 +134,10 @@ impl TryFrom<String> for OutcomeFormula {
             Ok((_, expr)) if expr.names().is_empty() => {
                 "it reads nothing of it, so all scenes would have one value".into()
             }
-            Ok((code, expr)) => return Ok(OutcomeFormula { text: expr.to_string(), code: Arc::new(code) }),
+            Ok((code, expr)) => {
+                let asks_at_fault = expr.names().iter().any(|name| name.as_str() == AT_FAULT);
+                return Ok(OutcomeFormula { text: expr.to_string(), code: Arc::new(code), asks_at_fault });
+            }
             Err(error) => error.to_string(),
         };
         Err(OutcomeFormulaError { text, reason })
@@ -144,6 +154,11 @@ impl OutcomeFormula {
     /// In canonical text.
     pub fn text(&self) -> &str {
         &self.text
+    }
+
+    /// Whether it asks who is at fault, which outcomes say only where `simulator.at_fault` is true.
+    pub fn asks_at_fault(&self) -> bool {
+        self.asks_at_fault
     }
 
     /// Its value; a truth value is 0 or 1.

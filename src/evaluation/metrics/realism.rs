@@ -11,6 +11,7 @@ use super::{
     route_completion, slip, speed_of_kind, wrong_way,
 };
 use crate::kernel::num;
+use crate::objects::{RealismMean, is_unsaid};
 use crate::sim::{AdversaryReport, Outcome};
 
 /// w_j, shares of one.
@@ -59,6 +60,20 @@ pub struct RealismOptions {
     pub weights: Weights,
     /// In a file: the table itself, `evodrive:recorded`, or the path of a file that `evodrive calibrate` wrote.
     pub calibration: Box<Calibration>,
+    /// What R(c) is a mean of.
+    #[serde(default, skip_serializing_if = "is_unsaid")]
+    pub mean: RealismMean,
+    /// Whether an adversary is excused as far as its own recording is poor. The paper has no such rule.
+    #[serde(default = "yes", skip_serializing_if = "is_yes")]
+    pub excuses_recordings: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
+fn is_yes(value: &bool) -> bool {
+    *value
 }
 
 /// Options that define no score.
@@ -162,6 +177,8 @@ pub fn realism_of(reports: &[AdversaryReport], options: &RealismOptions) -> (BTr
     let diagnostics: Vec<_> = options.diagnostics().collect();
     let mut worst = vec![1.0f64; diagnostics.len()];
     for report in reports {
+        let bare = (!options.excuses_recordings).then(|| report.without_recording());
+        let report = bare.as_ref().unwrap_or(report);
         let limits = options.calibration.of(report.kind);
         let of_report = diagnostics.iter().map(|(_, _, diagnostic)| diagnostic(report, limits));
         worst.iter_mut().zip(of_report).for_each(|(so_far, value)| *so_far = so_far.min(value));

@@ -7,7 +7,7 @@ use super::finding::Finding;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::event::{Frozen, LineageResult, Measured};
-use crate::objects::{LineageId, Objectives, RealismSums, SceneScore, Score, SolutionId};
+use crate::objects::{AttackRequirement, FrontOf, LineageId, Objectives, RealismSums, SceneScore, Score, SolutionId};
 
 /// Up to which difference a mean counts as the recorded one: the order of a sum may differ.
 const TOLERANCE: f64 = 1e-9;
@@ -57,11 +57,14 @@ fn score_faults(score: &Score) -> impl Iterator<Item = String> {
     }
     let failed = score.failures.iter().filter(|failure| labelled.contains(failure.scene.as_str()));
     faults.extend(failed.map(|failure| format!("scene {} both failed and has a label", failure.scene)));
-    let credited = score.scenes.iter().filter(|s| !s.acted && s.attack > 0.0);
+    let asked = |of| score.rules.attack.has(of);
+    let acts = asked(AttackRequirement::Acts);
+    let credited = score.scenes.iter().filter(|s| acts && !s.acted && s.attack > 0.0);
     faults
         .extend(credited.map(|s| format!("scene {} counts as attacked, but the program does not act in it", s.scene)));
     let met_anyway = |s: &&SceneScore| s.contact.as_ref().is_some_and(|met| met.anyway);
-    let unearned = score.scenes.iter().filter(|s| s.attack > 0.0).filter(met_anyway);
+    let anyway = asked(AttackRequirement::NotMetAnyway);
+    let unearned = score.scenes.iter().filter(|s| anyway && s.attack > 0.0).filter(met_anyway);
     faults
         .extend(unearned.map(|s| {
             format!("scene {} counts as attacked, but the ego has that contact in plain replay too", s.scene)
@@ -71,7 +74,7 @@ fn score_faults(score: &Score) -> impl Iterator<Item = String> {
         let mean = |of: &dyn Fn(&SceneScore) -> Option<f64>| {
             num::mean(&score.scenes.iter().filter_map(of).collect::<Vec<_>>())
         };
-        let realism = RealismSums::of(&score.scenes).realism().unwrap_or(0.0);
+        let realism = RealismSums::of(&score.scenes).realism(score.rules.mean).unwrap_or(0.0);
         let means = mean(&|s| Some(s.attack)).map(|attack| Objectives { attack, realism });
         if !means.is_some_and(|means| same(&means, &score.objectives)) {
             faults.push(format!("objectives {:?} are not the means of the scenes, {means:?}", score.objectives));
@@ -103,7 +106,8 @@ fn fronts(run: &RecordedRun, findings: &mut Vec<Finding>) {
         labels.entry((&frozen.lineage, &frozen.parent)).or_default().push(frozen.parent_score.objectives);
     }
     for attempt in &run.attempts {
-        let accepted = attempt.exit.decision().is_some_and(|decision| decision.gates.any());
+        let all = run.declared.archive.as_ref().is_some_and(|archive| archive.front == FrontOf::Evaluated);
+        let accepted = all || attempt.exit.decision().is_some_and(|decision| decision.gates.any());
         if let (Some(candidate), Some(score), true) = (attempt.exit.candidate(), attempt.exit.score(), accepted) {
             let solution = &candidate.program.solution_id;
             labels.entry((&attempt.lineage, solution)).or_default().push(score.objectives);
@@ -112,7 +116,11 @@ fn fronts(run: &RecordedRun, findings: &mut Vec<Finding>) {
     for settled in &run.settled {
         let place = format!("{} epoch {}", settled.lineage, settled.epoch);
         let of_epoch = |f: &&Frozen| f.lineage == settled.lineage && f.epoch == settled.epoch;
-        let one_window = run.frozen.iter().find(of_epoch).is_some_and(|f| f.scenes_so_far == f.window.len());
+        let first = run.frozen.iter().find(|f| f.lineage == settled.lineage);
+        let one_window =
+            run.frozen.iter().find(of_epoch).is_some_and(|f| {
+                f.scenes_so_far == f.window.len() && first.is_some_and(|first| first.window == f.window)
+            });
         for member in &settled.front {
             let fault = match labels.get(&(&settled.lineage, &member.solution)) {
                 None => Some("but no gate accepted it"),

@@ -10,6 +10,7 @@ use crate::evidence::recorded_run::RecordedRun;
 use crate::evidence::tables::{self, Estimate, RESAMPLES, Row, Table, TableError, proposers};
 use crate::kernel::{Threads, num};
 use crate::objects::downstream::Downstream;
+use crate::objects::{FrontOf, JudgedOn, RealismMean, realism_name};
 
 /// What recorded runs say of a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -96,6 +97,8 @@ pub struct Judgement {
     pub tested: usize,
     /// Name, root, and kinds of whoever proposed.
     pub runs: Vec<(String, String, String)>,
+    /// Name and rules of those runs whose experiment is at hand.
+    pub rules: BTreeMap<String, String>,
     /// Names of those runs in which every search was made once.
     pub one_seed: Vec<String>,
     /// The same of the studies, the recipe in the root's place.
@@ -182,10 +185,32 @@ pub fn judge(
         level: claims.level,
         tested,
         runs: runs.iter().filter(named).map(source).collect(),
+        rules: runs.iter().filter(named).filter_map(|run| Some((run.opened.name.clone(), rules(run)?))).collect(),
         one_seed: runs.iter().filter(named).filter(|run| once(run)).map(|run| run.opened.name.clone()).collect(),
         studies: studies.values().map(study).collect(),
         claims: judged,
     })
+}
+
+/// Under which rules a run's programs were judged; `None` where its experiment is not at hand.
+fn rules(run: &RecordedRun) -> Option<String> {
+    let of = run.declared.archive.as_ref()?;
+    let (all, plain) = (of.front == FrontOf::Evaluated, run.realism_name() == realism_name(false, RealismMean::Plain));
+    let published = all && plain && of.race.is_none() && of.level <= 0.5 && of.coverage_floor <= 0.0;
+    let whose = if published { "the paper's rules" } else { "our rules" };
+    let race = of.race.map_or("no race".to_string(), |level| format!("race {level}"));
+    let front = if all { "all evaluated" } else { "accepted" };
+    let scenes = match of.judged_on {
+        JudgedOn::WindowThenAll => "all windows so far",
+        JudgedOn::Window => "the window",
+    };
+    let evaluator = if run.evolved.is_empty() { "does not change itself" } else { "evolves" };
+    Some(format!(
+        "{whose}: level {}, coverage floor {}, {race}, {}, front of {front} programs, judged on {scenes}, an evaluator that {evaluator}",
+        of.level,
+        of.coverage_floor,
+        run.realism_name()
+    ))
 }
 
 /// Tables by their name and what they are made of.

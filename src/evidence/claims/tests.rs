@@ -2,9 +2,11 @@ use super::judge::holm;
 use super::*;
 use std::collections::BTreeMap;
 
+use crate::archive::ArchiveOptions;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::evidence::tables::tests::{CAT, End, add, run};
 use crate::kernel::Threads;
+use crate::objects::{FrontOf, JudgedOn};
 
 const FILE: &str = r#"
 level = 0.05
@@ -176,6 +178,25 @@ fn a_file_that_cannot_be_used_is_refused_with_what_was_expected() {
 fn the_shipped_claims_can_be_read() {
     let text = include_str!("../../../paper/claims.toml");
     assert!(read("paper/claims.toml", text).unwrap().claims.len() > 20);
+}
+
+#[test]
+fn each_run_is_told_with_the_rules_by_which_its_programs_were_judged() {
+    let with = |archive: ArchiveOptions| {
+        let mut run = recorded();
+        run.declared.archive = Some(archive);
+        let found = judge(&read("claims.toml", FILE).unwrap(), &[run], &BTreeMap::new(), &Threads::none()).unwrap();
+        markdown(&found)
+    };
+    let ours = with(ArchiveOptions { level: 0.8, race: Some(0.95), ..ArchiveOptions::default() });
+    assert!(
+        ours.contains("; our rules: level 0.8, coverage floor 0, race 0.95, strict realism, front of accepted"),
+        "{ours}"
+    );
+    let window = ArchiveOptions { judged_on: JudgedOn::Window, front: FrontOf::Evaluated, ..ArchiveOptions::default() };
+    assert!(with(window).contains("no race, strict realism, front of all evaluated programs, judged on the window"));
+    let unsaid = judge(&read("claims.toml", FILE).unwrap(), &[recorded()], &BTreeMap::new(), &Threads::none()).unwrap();
+    assert!(!markdown(&unsaid).contains("rules"), "of a run without its experiment nothing is said");
 }
 
 /// Two runs behind one name answer together, as the paper averages over egos; where one is missing, nothing is tested.

@@ -31,7 +31,9 @@ pub fn markdown(found: &Judgement) -> String {
             true => "; one seed of every search, so that its intervals and p do not hold the spread between searches",
             false => "",
         };
-        let _ = writeln!(out, "- {what} {name}, {by} {}: {from}{once}", root.get(..12).unwrap_or(root));
+        let rules = found.rules.get(name).filter(|_| what == "run");
+        let rules = rules.map_or(String::new(), |rules| format!("; {rules}"));
+        let _ = writeln!(out, "- {what} {name}, {by} {}: {from}{once}{rules}", root.get(..12).unwrap_or(root));
     }
     let _ = writeln!(
         out,

@@ -6,7 +6,7 @@ use super::legend::{self, source};
 use crate::draw::{Axes, BLACK, BLUE, Figure, GREY, Ink, Mark, ORANGE, SKY, Scale, VERMILION, WHITE};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::evidence::tables::{called, csv_line};
-use crate::objects::{LineageId, Objectives, Score, SolutionId, realism_name};
+use crate::objects::{LineageId, Objectives, Score, SolutionId};
 
 /// Most lineages of a sheet.
 const PANELS_MAX: usize = 12;
@@ -84,7 +84,8 @@ pub fn pareto_front(runs: &[RecordedRun], named: &[LineageId]) -> Result<(Figure
         let known = all.iter().map(|(_, points)| points[0].lineage.to_string()).collect();
         return Err(FigureError::TooManyLineages { most: PANELS_MAX, known });
     }
-    let realism = realism_name(runs.iter().any(|run| !run.rounds.is_empty()));
+    let realism =
+        runs.iter().find(|run| !run.rounds.is_empty()).or(runs.first()).map_or("realism", |run| run.realism_name());
     let shown: Vec<&RecordedRun> = runs.iter().collect();
     Ok((drawn(&all, realism, &source(&shown)), data(&all)))
 }

@@ -10,7 +10,6 @@ use super::stage::Stage;
 use super::trust::{self, Standing};
 use crate::draw::escaped;
 use crate::kernel::num;
-use crate::objects::realism_name;
 use crate::text::counted;
 
 /// Name and what the page is about.
@@ -85,7 +84,7 @@ fn gains_by(run: &RecordedRun, of: &Headline, stage: &Stage) -> String {
 /// How many chosen programs fall short on the held-out scenes of the realism that the rule asks for; empty where none does.
 fn short_of_rule(run: &RecordedRun, of: &Headline, realism_min: f64) -> String {
     let results = || run.result.iter().flat_map(|result| &result.lineages).filter(|one| one.group == of.group);
-    let realism = realism_name(!run.rounds.is_empty());
+    let realism = run.realism_name();
     let short: Vec<f64> =
         results().map(|one| one.evolved.objectives.realism).filter(|realism| *realism < realism_min).collect();
     let shown = results().any(|one| one.lineage == of.lineage && one.evolved.objectives.realism < realism_min);

@@ -16,6 +16,7 @@ use crate::evidence::evaluator::Evolution;
 use crate::evidence::realism::Realisms;
 use crate::evidence::{audit, unlabelled};
 use crate::kernel::num;
+use crate::objects::replay::ReplayRow;
 use crate::objects::{
     Attempt, Counselled, Exchange, Exit, LineageId, Origin, Role, Round, SceneScore, edit_categories, event::Measured,
     program_diff, program_text,
@@ -53,7 +54,7 @@ pub fn of(run: &RecordedRun, headlines: &[Headline], stage: &Stage, beside: &Bes
         "held_out_scenes": run.opened.held_out_scenes.len(),
         "exits": run.result.as_ref().map(|r| r.exits),
         "rollouts": run.result.as_ref().map(|r| r.rollouts),
-        "replay": run.replays.iter().map(|replayed| &replayed.row).collect::<Vec<_>>(),
+        "replay": run.replays.iter().map(|replayed| replay_row(run, &replayed.row)).collect::<Vec<_>>(),
         "headlines": headlines,
         "badges": trust::badges(run, stage),
         "realism_min": beside.selector.realism_min,
@@ -119,7 +120,7 @@ fn lineage(run: &RecordedRun, id: &LineageId, names: &Names, stage: &Stage, besi
                 "strict_realism": realisms.strict_realism,
                 "roles": of.roles,
                 "scenes": of.score.scenes.len(),
-                "spread": spread::of(&of.score.scenes).filter(|_| of.score.benchmark.is_none()).map(|of| short(json!(of))),
+                "spread": spread::of(&of.score.scenes, of.score.rules.mean).filter(|_| of.score.benchmark.is_none()).map(|of| short(json!(of))),
             })
         })
         .collect();
@@ -129,7 +130,7 @@ fn lineage(run: &RecordedRun, id: &LineageId, names: &Names, stage: &Stage, besi
     let mut object = json!({
         "id": id,
         "family": parent.map(|p| &p.program.source_family),
-        "ego": parent.map(|p| &p.ego),
+        "ego": parent.map(|p| run.ego_name(&p.ego)),
         "parent": parent.map(|p| &p.program.solution_id),
         "active": run.active(id),
         "epochs": epochs,
@@ -160,6 +161,13 @@ fn lineage(run: &RecordedRun, id: &LineageId, names: &Names, stage: &Stage, besi
     if let Some(adopted) = parent.filter(|adopted| !adopted.origins.is_empty()) {
         object["origins"] = adopted.origins.iter().map(Origin::to_string).collect();
     }
+    object
+}
+
+/// The recorded scenes without a program, with the ego by the name that people know it by.
+fn replay_row(run: &RecordedRun, row: &ReplayRow) -> Value {
+    let mut object = json!(row);
+    object["ego"] = json!(run.ego_name(&row.ego));
     object
 }
 

@@ -8,7 +8,7 @@ use super::super::recorded_run::{Became, RecordedRun};
 use super::super::tables::{Compared, Estimate, called, compared, held_out_change, is_ram, pooled, prevented};
 use super::mechanism;
 use crate::kernel::num;
-use crate::objects::{LineageId, Met, SolutionId, event::LineageResult, realism_name};
+use crate::objects::{LineageId, Met, SolutionId, event::LineageResult};
 use crate::text::counted;
 
 /// What came of a lineage of the experiment, all its repetitions together.
@@ -181,7 +181,7 @@ fn verdict(attack: Option<Estimate>, realism: Option<Estimate>) -> Verdict {
 
 /// Which realism a line compares.
 fn realism_word(run: &RecordedRun) -> &'static str {
-    if run.rounds.is_empty() { "realism" } else { realism_name(true) }
+    if run.rounds.is_empty() { "realism" } else { "ARS" }
 }
 
 fn says(verdict: Verdict, attack: Option<Estimate>, realism: Option<Estimate>, word: &str) -> String {
@@ -235,13 +235,20 @@ fn shares(run: &RecordedRun, of: &LineageResult, verdict: Verdict) -> String {
         let [is, was] = [&of.evolved, &of.parent].map(|of| score(of.objectives.attack));
         return format!("comes to attack {is}, its parent to {was}");
     }
+    let [crashes, before] = [&of.evolved, &of.parent].map(|of| percent(of.any_contact));
+    let (is, was) = (percent(of.evolved.objectives.attack), percent(of.parent.objectives.attack));
+    if verdict == Verdict::Parent && run.rounds.is_empty() && run.opened.attack.is_none() {
+        return format!("attacks in {was} % of the scenes (any crash {before} %)");
+    }
     if says_nothing(run, verdict) {
         return String::new();
     }
-    let (is, was) = (percent(of.evolved.objectives.attack), percent(of.parent.objectives.attack));
     let [gained, lost] = moved(run, of);
     let gained = counted(gained, "scene");
-    format!("attacks in {is} % of the scenes, its parent in {was} %: {gained} gained, {lost} lost{}", acts(of))
+    format!(
+        "attacks in {is} % of the scenes (any crash {crashes} %), its parent in {was} % ({before} %): {gained} gained, {lost} lost{}",
+        acts(of)
+    )
 }
 
 /// In what share of the scenes both act, where that differs much: realism is over these.

@@ -58,11 +58,14 @@ impl Other {
         let results = run.result.iter().flat_map(|result| &result.lineages);
         let lineages = results.filter(|of| of.evolved.solution == *own).map(|of| of.lineage.clone());
         let Some(held_out) = other.held_out.iter().find(|of| of.solution == *theirs) else { return };
-        self.points.extend(lineages.map(|lineage| OtherPoint {
-            lineage,
-            measured: Measured::new(theirs.clone(), &held_out.score),
-            scenes: held_out.score.scenes.len(),
-            spread: spread::of(&held_out.score.scenes).filter(|_| held_out.score.benchmark.is_none()),
+        self.points.extend(lineages.map(|lineage| {
+            OtherPoint {
+                lineage,
+                measured: Measured::new(theirs.clone(), &held_out.score),
+                scenes: held_out.score.scenes.len(),
+                spread: spread::of(&held_out.score.scenes, held_out.score.rules.mean)
+                    .filter(|_| held_out.score.benchmark.is_none()),
+            }
         }));
     }
 }

@@ -278,7 +278,7 @@ fn notes(recorded_runs: &[RecordedRun], all: &[Ablation<'_>], compared: String) 
         }
     }
     notes.extend(notes::own_attack(recorded_runs));
-    notes.extend(recorded_runs.iter().map(notes::run));
+    notes.extend(notes::of_runs(recorded_runs));
     notes.extend(notes::different_versions(recorded_runs));
     notes
 }

@@ -186,7 +186,14 @@ impl Basis {
 fn contacts(label: &SceneScore) -> Vec<Option<Met>> {
     let of = |class: crate::evaluation::ContactClass| {
         let class = class.name().to_string();
-        let met = |adversary, anyway| Met { adversary, class: class.clone(), avoidable: Some(true), anyway };
+        let met = |adversary, anyway| Met {
+            adversary,
+            class: class.clone(),
+            avoidable: Some(true),
+            fault: None,
+            avoided_by: None,
+            anyway,
+        };
         [met(true, false), met(true, true), met(false, false)]
     };
     let all = crate::evaluation::ContactClass::ALL.into_iter().flat_map(of).map(Some);

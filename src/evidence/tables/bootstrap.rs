@@ -96,7 +96,7 @@ impl Estimate {
 }
 
 /// Variance of a sample; 0 of fewer than two.
-fn variance(values: &[f64]) -> f64 {
+pub(super) fn variance(values: &[f64]) -> f64 {
     let mean = num::mean(values).unwrap_or(0.0);
     num::sum(values.iter().map(|value| (value - mean) * (value - mean))) / (values.len().max(2) - 1) as f64
 }

@@ -16,11 +16,8 @@ pub const REPAIRED: Holds = |of| {
     let behind = of.proposal.rounds.iter().skip_while(|round| round.reviews.is_empty()).skip(1);
     behind.into_iter().any(|round| round.patch.is_some())
 };
-/// A critic's objection was the end of it.
-pub const STOPPED: Holds = |of| {
-    let last = of.proposal.rounds.last();
-    matches!(of.exit, Exit::Declined { .. }) && last.is_some_and(|round| round.reviews.iter().any(objects))
-};
+/// The critics or the gates stopped it before any rollout: the paper's rejected ones.
+pub const STOPPED: Holds = |of| matches!(of.exit, Exit::Declined { .. } | Exit::Invalid { .. });
 
 const SHARES: [Share; 8] = [
     percent(printed::CRITIC_COLUMNS[0], "Of reviewed", "Intervened", REVIEWED, INTERVENED),
@@ -46,7 +43,7 @@ pub(super) const SPEC: Spec = Spec {
     figures: printed::critic_figures,
     note: "Reviewed: proposals with a patch that a critic read. Intervened: a critic objected to the first of these patches; by critic, \
            who it was (several may be). Repaired: a revised patch that could be read came behind a review, also where a gate and no critic \
-           had asked for it. Stopped: a critic still objected to the last patch, and the proposal ended there; the paper calls it rejected.",
+           had asked for it. Stopped: it ended there, by a critic's objection, an unreadable answer or a gate; the paper calls it rejected.",
 };
 
 /// The reviews of the first patch that was reviewed.
@@ -121,14 +118,16 @@ mod tests {
             judged(3, declined(), &[Some([Repair, Repair]), Some([Approve, Reject])]),
             // The reply could not be read; the repaired one was the first to be reviewed, so nothing was repaired behind a review.
             judged(4, evaluated(), &[None, Some([Approve, Approve])]),
+            // A gate refused whom all critics approved.
+            judged(5, Exit::Invalid { gates: Default::default() }, &[Some([Approve, Approve])]),
         ];
         let table = actor_critic(&[recorded]).unwrap();
         let row = table.rows().next().unwrap();
         let share = |key: &str| row.cell(key).ours.unwrap().value;
-        assert_eq!(row.counts, [4, 5, 1]);
-        assert_eq!([share("intervened_pct"), share("repaired_pct"), share("stopped_pct")], [50.0, 50.0, 25.0]);
-        assert_eq!([share("structural_pct"), share("realism_pct"), share("isolation_pct")], [25.0, 50.0, 0.0]);
-        assert_eq!(share("evaluated_pct"), 75.0);
+        assert_eq!(row.counts, [5, 6, 1]);
+        assert_eq!([share("intervened_pct"), share("repaired_pct"), share("stopped_pct")], [40.0, 40.0, 40.0]);
+        assert_eq!([share("structural_pct"), share("realism_pct"), share("isolation_pct")], [20.0, 40.0, 0.0]);
+        assert_eq!(share("evaluated_pct"), 60.0);
         assert_eq!(row.cell("intervened_pct").paper, Some(89.0));
     }
 }

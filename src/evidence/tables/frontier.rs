@@ -3,6 +3,7 @@
 use crate::archive::{ArchiveOptions, hypervolume, non_dominated, pf_area_pct, point};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::event::{HeldOut, LineageResult};
+use crate::objects::{RealismMean, Score};
 
 /// Descendants that count, as in the paper's tables.
 const DESCENDANTS: usize = 3;
@@ -21,10 +22,11 @@ impl Spanned {
     /// `None` where the archive's options are not at hand or the held-out labels do not say whose descendants they are.
     pub fn of(recorded: &RecordedRun, result: &LineageResult) -> Option<Spanned> {
         let options = recorded.declared.archive.as_ref()?;
-        // Whoever acts nowhere has no place in the plane.
+        // Whoever acts nowhere has no place in the plane, but by the plain mean.
+        let placed = |of: &Score| of.coverage > 0.0 || of.rules.mean == RealismMean::Plain;
         let with = |role: &str| -> Vec<&HeldOut> {
             let own = recorded.held_out.iter().filter(|held_out| held_out.lineage == result.lineage);
-            own.filter(|held_out| held_out.roles.iter().any(|of| of == role) && held_out.score.coverage > 0.0).collect()
+            own.filter(|held_out| held_out.roles.iter().any(|of| of == role) && placed(&held_out.score)).collect()
         };
         let (parents, descendants) = (with("parent"), with("descendant"));
         if parents.is_empty() && descendants.is_empty() {
@@ -50,11 +52,11 @@ fn steps(
 ) -> Vec<String> {
     let placed = |of: &HeldOut| {
         let [attack, realism] = point(&of.score.objectives);
-        format!("{}: attack {attack}, strict realism {realism}", of.solution)
+        format!("{}: attack {attack}, {} {realism}", of.solution, of.score.realism_name())
     };
     let [attack, realism] = options.reference;
-    let mut out =
-        vec![format!("areas are measured from the reference point: attack {attack}, strict realism {realism}")];
+    let name = parents.iter().chain(descendants).next().map_or("realism", |of| of.score.realism_name());
+    let mut out = vec![format!("areas are measured from the reference point: attack {attack}, {name} {realism}")];
     match parents.first() {
         Some(parent) => out.push(format!("parent {}; it spans {own}", placed(parent))),
         None => out.push("the parent acts nowhere, so it spans 0".into()),

@@ -234,7 +234,7 @@ fn notes(runs: &[RecordedRun], own: &[LineageLabels], nulls: &[Vec<LineageLabels
     notes.extend(notes::one_seed(&notes::repeats(own.iter()), "held-out scenes"));
     notes.extend(notes::all_alike(rows, 0, |column| column.group == ATTACK && column.form == Form::Rate));
     notes.extend(notes::own_attack(runs));
-    notes.extend(runs.iter().map(notes::run));
+    notes.extend(notes::of_runs(runs));
     notes.extend(notes::different_versions(runs));
     notes
 }

@@ -317,7 +317,7 @@ fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row], average: Opt
     if !all.iter().any(|l| paper::policy_name(&l.ego) == Some("RL")) {
         notes.push("The paper's learned ego (RL) is absent: no run named here has one.".into());
     }
-    notes.extend(runs.iter().map(notes::run));
+    notes.extend(notes::of_runs(runs));
     let absent = missing(all);
     let own = runs.iter().all(|run| run.opened.attack.is_some());
     if own {

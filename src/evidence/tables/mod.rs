@@ -67,7 +67,7 @@ pub use markdown::markdown;
 pub use metadrive::{metadrive_main, metadrive_policy};
 pub use named::{Make, NAMED};
 pub use notes::{AllAlike, one_seed};
-pub(in crate::evidence) use notes::{run as run_note, runs as run_sources};
+pub(in crate::evidence) use notes::{of_runs as run_notes, runs as run_sources};
 pub use page::of_a_page;
 pub(in crate::evidence) use paper::safebench::AVERAGE;
 pub use placed::{Placed, Point as PlacedPoint, SearchKind, placed, searched};

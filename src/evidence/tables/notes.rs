@@ -57,8 +57,23 @@ pub fn intervals(over: &str) -> String {
     )
 }
 
+/// A sentence on each run, and one on each model of which an experiment says more than its label: who answered, when, how.
+pub fn of_runs(runs: &[RecordedRun]) -> Vec<String> {
+    let mut all: Vec<String> = runs.iter().map(run).collect();
+    for recorded in runs {
+        let labels: BTreeSet<String> = recorded.models().into_values().collect();
+        for (label, provenance) in labels.iter().filter_map(|label| recorded.declared.answered.get_key_value(label)) {
+            let said = format!("{label}: {}.", provenance.trim_end_matches('.'));
+            if !all.contains(&said) {
+                all.push(said);
+            }
+        }
+    }
+    all
+}
+
 /// One sentence on a run: its size, and what the proposals came from.
-pub fn run(run: &RecordedRun) -> String {
+fn run(run: &RecordedRun) -> String {
     let opened = &run.opened;
     let from = run.proposals_from();
     let stand_in = match run.scripted_roles().is_empty() {

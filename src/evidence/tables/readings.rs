@@ -243,7 +243,7 @@ fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row]) -> Vec<Strin
     ];
     notes.extend(notes::one_seed(&notes::repeats(all.iter()), "held-out scenes"));
     notes.extend(notes::all_alike(rows, 0, |column| column.form == Form::Rate));
-    notes.extend(runs.iter().map(notes::run));
+    notes.extend(notes::of_runs(runs));
     notes.extend(notes::different_versions(runs));
     notes
 }

@@ -458,7 +458,7 @@ fn notes(runs: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
             undrawn.join(", ")
         ));
     }
-    notes.extend(runs.iter().map(notes::run));
+    notes.extend(notes::of_runs(runs));
     let filled = |method: &&Method| all.iter().any(|archive| archive.method == Some(*method));
     let missing: Vec<&str> = METHODS.iter().filter(|method| !filled(method)).map(|method| method.name).collect();
     if !missing.is_empty() {

@@ -79,7 +79,7 @@ pub(super) fn table(spec: &Spec, runs: &[RecordedRun]) -> Result<Table, TableErr
         }
     }
     let mut notes = vec![spec.note.to_string()];
-    notes.extend(runs.iter().map(notes::run));
+    notes.extend(notes::of_runs(runs));
     notes.extend(notes::different_versions(runs));
     Ok(Table {
         name: spec.name,

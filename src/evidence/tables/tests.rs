@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::archive::{ArchiveOptions, PromotionRule};
+use crate::archive::ArchiveOptions;
 use crate::evidence::recorded_run::{Declared, RecordedRun, RunEvents};
 use crate::kernel::Digest;
 use crate::objects::{
@@ -81,6 +81,8 @@ pub(in crate::evidence) fn score(of: &str, labels: &[Label; 4]) -> Score {
                 adversary: true,
                 class: "cut_in".into(),
                 avoidable: Some(true),
+                fault: None,
+                avoided_by: None,
                 anyway: false,
             }),
             diagnostics: BTreeMap::new(),
@@ -101,7 +103,15 @@ pub(in crate::evidence) fn score(of: &str, labels: &[Label; 4]) -> Score {
     let mean = |value: fn(&SceneScore) -> f64| scenes.iter().map(value).sum::<f64>() / scenes.len() as f64;
     let objectives = Objectives { attack: mean(|s| s.attack), realism: mean(|s| s.realism) };
     let realism_all = objectives.realism;
-    Score { objectives, realism_all, coverage: 1.0, failures: failures.collect(), scenes, benchmark: None }
+    Score {
+        objectives,
+        realism_all,
+        coverage: 1.0,
+        failures: failures.collect(),
+        scenes,
+        benchmark: None,
+        rules: Default::default(),
+    }
 }
 
 /// A lineage's end: parent, and where there is one, the evolved program.
@@ -362,7 +372,14 @@ fn realism_is_over_the_scenes_acted_in_and_contacts_are_told_by_class() {
     parent.iter_mut().for_each(|scene| scene.acted = false);
     for (place, adversary, class) in [(0, true, "rear_end_ego_struck"), (1, false, "ego_strikes")] {
         let realism = [0.5, 0.7][place];
-        let contact = Some(Met { adversary, class: class.into(), avoidable: Some(false), anyway: false });
+        let contact = Some(Met {
+            adversary,
+            class: class.into(),
+            avoidable: Some(false),
+            fault: None,
+            avoided_by: None,
+            anyway: false,
+        });
         parent[place] = SceneScore { acted: true, attack: 0.0, realism, contact, ..parent[place].clone() };
     }
     parent[2].realism = 1.0;
@@ -398,7 +415,14 @@ fn three_readings_of_the_same_contacts_stand_side_by_side() {
     add(&mut run, &CAT);
     let put = |scenes: &mut [SceneScore], met: [(&str, bool, bool); 4]| {
         for (scene, (class, avoidable, anyway)) in scenes.iter_mut().zip(met) {
-            let contact = Met { adversary: true, class: class.into(), avoidable: Some(avoidable), anyway };
+            let contact = Met {
+                adversary: true,
+                class: class.into(),
+                avoidable: Some(avoidable),
+                fault: None,
+                avoided_by: None,
+                anyway,
+            };
             *scene = SceneScore { acted: true, attack: 0.0, contact: Some(contact), ..scene.clone() };
         }
     };
@@ -512,6 +536,26 @@ fn how_a_seed_was_chosen_stands_under_every_table_of_its_run() {
 }
 
 #[test]
+fn who_answered_stands_once_under_every_table_where_the_experiment_says_it() {
+    let label = "exchange (agent, big)";
+    let mut one = run("one", &[("actor", label), ("repair", "scripted")]);
+    add(&mut one, &CAT);
+    let said = [
+        (label, "Big by Maker, release 3, a fresh one; 29 November 2026."),
+        ("exchange (other, idle)", "Idle by another"),
+    ];
+    one.declared.answered = said.map(|(label, by)| (label.to_string(), by.to_string())).into();
+    let mut two = run("two", &[("actor", label), ("repair", "scripted")]);
+    add(&mut two, &SAGE);
+    two.declared.answered = one.declared.answered.clone();
+    for make in [metadrive_policy, metadrive_contacts, proposals] {
+        let table = make(&[one.clone(), two.clone()]).unwrap();
+        let named: Vec<_> = table.notes.iter().filter(|note| note.contains("Maker") || note.contains("Idle")).collect();
+        assert_eq!(named, ["exchange (agent, big): Big by Maker, release 3, a fresh one; 29 November 2026."]);
+    }
+}
+
+#[test]
 fn a_share_of_nothing_has_its_exact_bound_under_the_table_and_the_row_without_a_program_has_none() {
     let bound = |run: &RecordedRun| {
         let table = metadrive_policy(std::slice::from_ref(run)).unwrap();
@@ -608,8 +652,7 @@ fn archive() -> ArchiveOptions {
         epsilon_pf: 1e-3,
         level: 0.8,
         coverage_floor: 0.8,
-        promotion: PromotionRule::LargestHypervolumeGain,
-        race: None,
+        ..ArchiveOptions::default()
     }
 }
 

@@ -140,7 +140,7 @@ fn notes(runs: &[RecordedRun], all: &[archives::LineageArchive]) -> Vec<String> 
         "Held-out groups by traffic family: {}. A family without one counts nowhere.",
         by_family.join(", ")
     ));
-    notes.extend(runs.iter().map(notes::run));
+    notes.extend(notes::of_runs(runs));
     notes.extend(notes::different_versions(runs));
     notes
 }

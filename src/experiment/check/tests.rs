@@ -19,6 +19,7 @@ fn whole() -> Vec<Table> {
         "ablations/nsga2",
         "ablations/random",
         "preventable",
+        "published",
         "readings/published-idm",
         "readings/null-random-idm",
         "llm/preventable/cat",
@@ -88,7 +89,15 @@ fn whole() -> Vec<Table> {
     own["evaluation"]["attack"].as_table_mut().unwrap().insert("when".into(), "contact_adversary".into());
     let measured = toml::toml! { impact_speed = "contact_speed_mps" };
     own["evaluation"].as_table_mut().unwrap().insert("metrics".into(), measured.into());
-    all.push(own);
+    own["simulator"].as_table_mut().unwrap().extend(toml::toml! { at_fault = true
+    jury = true });
+    own.insert("without".into(), toml::toml! { sight = true }.into());
+    // The same with the ready expression in its place.
+    let mut blaming = own.clone();
+    let attack = blaming["evaluation"]["attack"].as_table_mut().unwrap();
+    attack.remove("when");
+    attack.insert("reading".into(), "at_fault".into());
+    all.extend([own, blaming]);
     all
 }
 

@@ -10,7 +10,9 @@ use super::of_place::OfPlace;
 use crate::kernel::Digest;
 use crate::scene::{AgentKind, Sample};
 use crate::sim::encounters::class::ContactClass;
+use crate::sim::encounters::fault::Fault;
 use crate::sim::encounters::touch::{Side, Striker};
+use crate::sim::encounters::verdict::Jury;
 use crate::sim::road_users::intervention::ActorRef;
 
 /// The labels of one closed-loop rollout.
@@ -69,6 +71,12 @@ pub struct Contact {
     /// Whether braking or swerving would have avoided it ([`assess`](crate::sim::assess)); `None` where that was not asked
     /// for: contacts with anyone but an adversary, and rollouts of searches.
     pub avoidable: Option<bool>,
+    /// Who is at fault by nuPlan's rule; only where `simulator.at_fault` asks for it, so that every other outcome stays as it was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fault: Option<Fault>,
+    /// Which drivers would have avoided it; only where `simulator.jury` asks for it, likewise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub jury: Option<Jury>,
 }
 
 /// Motion statistics over the simulated steps.
@@ -125,6 +133,18 @@ pub struct AdversaryReport {
     /// Where its kind does not belong; only where `simulator.of_place` asks for it, likewise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub of_place: Option<WithRecording<OfPlace>>,
+}
+
+impl AdversaryReport {
+    /// The same with nothing known of its recording's faults.
+    pub fn without_recording(&self) -> AdversaryReport {
+        AdversaryReport {
+            recorded: None,
+            of_kind: self.of_kind.map(|of| WithRecording { recorded: None, ..of }),
+            of_place: self.of_place.map(|of| WithRecording { recorded: None, ..of }),
+            ..self.clone()
+        }
+    }
 }
 
 /// One road user's account, and that of its recording where it has one.

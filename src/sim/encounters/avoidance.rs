@@ -16,7 +16,8 @@ use crate::sim::rollouts::rules::OFF_ROAD_OFFSET_M;
 
 use super::class::ContactClass;
 use super::evasion::{Evasion, Manoeuvre};
-use super::threat::ThreatWatch;
+use super::jury::Watchers;
+use super::threat::{ThreatWatch, in_steps};
 
 /// Fills in since when the ego could see its contact with an adversary coming, and whether it could have avoided it.
 /// `outcome` must be the rollout of the same plant, intervention and driver. Other outcomes stay as they are.
@@ -26,13 +27,11 @@ pub fn assess(
     driver: &mut dyn Driver,
     outcome: &mut Outcome,
 ) -> Result<(), SimError> {
-    driver.begin(plant);
-    let state = ClosedLoop::without_driver(plant.into(), intervention.into(), driver.follows_log())?;
-    assess_relived(&mut Driven { state, driver }, outcome.contact.as_mut())
+    assess_relived(&mut Driven::begun(plant, intervention, driver)?, outcome.contact.as_mut())
 }
 
 /// How long before a contact the lateness of an evasion is looked for, s.
-const LATENESS_MAX_S: f64 = 4.0;
+pub(super) const LATENESS_MAX_S: f64 = 4.0;
 
 /// By how much the ego was too late to avoid its contact with an adversary: from the last moment at which an evasion begun there would
 /// have helped to the one at which it could begin, s. Negative where it had time left; `None` where no evasion of the last
@@ -47,9 +46,7 @@ pub fn lateness_s(
     outcome: &Outcome,
 ) -> Result<Option<f64>, SimError> {
     let Some(contact) = outcome.contact.filter(|contact| contact.adversary) else { return Ok(None) };
-    driver.begin(plant);
-    let state = ClosedLoop::without_driver(plant.into(), intervention.into(), driver.follows_log())?;
-    let mut rollout = Driven { state, driver };
+    let mut rollout = Driven::begun(plant, intervention, driver)?;
     let options = &{ rollout.state().plant.options().avoidance };
     let mut states: Vec<(usize, ClosedLoop<'_>)> = Vec::new();
     for k in 0..plant.steps() {
@@ -96,9 +93,22 @@ pub(in crate::sim) trait Relived<'a> {
 }
 
 /// A rollout of our own, driven again.
-struct Driven<'a, 'd> {
+pub(super) struct Driven<'a, 'd> {
     state: ClosedLoop<'a>,
     driver: &'d mut dyn Driver,
+}
+
+impl<'a, 'd> Driven<'a, 'd> {
+    /// At its first state, the driver made ready.
+    pub fn begun(
+        plant: &'a Plant,
+        intervention: &'a Intervention,
+        driver: &'d mut dyn Driver,
+    ) -> Result<Driven<'a, 'd>, SimError> {
+        driver.begin(plant);
+        let state = ClosedLoop::without_driver(plant.into(), intervention.into(), driver.follows_log())?;
+        Ok(Driven { state, driver })
+    }
 }
 
 impl<'a> Relived<'a> for Driven<'a, '_> {
@@ -135,22 +145,31 @@ pub(in crate::sim) fn assess_relived<'a>(
 ) -> Result<(), SimError> {
     let Some(contact) = contact.filter(|contact| contact.adversary) else { return Ok(()) };
     let options = &{ rollout.state().plant.options().avoidance };
-    let look_back = look_back(rollout, contact.with, options)?;
+    let mut watchers = rollout.state().plant.options().jury.then(|| Watchers::of(contact, rollout.state()));
+    let look_back = look_back(rollout, contact.with, options, watchers.as_mut())?;
     contact.visible_s = look_back.visible.map(|k| contact.time_s - k as f64 * DT_S);
     let until = look_back.contact + in_steps(options.horizon_s);
     contact.avoidable = Some(look_back.fork.is_some_and(|(k, state)| avoids(&state, k, until, options)));
+    contact.jury = watchers.map(|watchers| watchers.jury(contact.avoidable, until));
     Ok(())
 }
 
 /// Whether some manoeuvre begun in a state at step `from` helps.
 fn avoids(fork: &ClosedLoop<'_>, from: usize, until: usize, options: &AvoidanceOptions) -> bool {
-    Manoeuvre::ALL.into_iter().any(|manoeuvre| stays_clear(fork, from, until, manoeuvre, options))
+    Manoeuvre::ALL.into_iter().any(|manoeuvre| helps(fork, (from, until), manoeuvre, options))
 }
 
-/// Whole decision steps that hold a time.
-fn in_steps(seconds: f64) -> usize {
-    // A hair less, so that 0.3 s are three steps and not four.
-    (seconds / DT_S - 1e-9).ceil().max(0.0) as usize
+/// Whether a manoeuvre begun in a state at the first step stays clear up to the second.
+pub(super) fn helps(
+    fork: &ClosedLoop<'_>,
+    (from, until): (usize, usize),
+    manoeuvre: Manoeuvre,
+    options: &AvoidanceOptions,
+) -> bool {
+    let evasion = Evasion::new(manoeuvre, &fork.ego, options);
+    stays_clear(fork, from, until, &mut |state, k| {
+        evasion.control(&state.plant.route, &state.ego, state.car(), k - from)
+    })
 }
 
 /// What was found of a contact by living through it again.
@@ -163,31 +182,27 @@ struct LookBack<'a> {
     fork: Option<(usize, ClosedLoop<'a>)>,
 }
 
-/// Drives the rollout again up to its contact. A threat is visible since the first step of the last run of steps in which
-/// it is seen; the ego keeps it in mind for the reaction time, so shorter interruptions do not end a run.
+/// Drives the rollout again up to its contact.
 fn look_back<'a>(
     rollout: &mut dyn Relived<'a>,
     adversary: ActorRef,
     options: &AvoidanceOptions,
+    mut watchers: Option<&mut Watchers<'a>>,
 ) -> Result<LookBack<'a>, SimError> {
-    let actor = rollout.state().world.actors.iter().position(|a| a.who == adversary).unwrap_or(0);
-    let mut watch = ThreatWatch::new(options, actor);
+    let mut watch = ThreatWatch::new(options, adversary);
     let reaction = in_steps(options.reaction_s);
     let mut look_back = LookBack { contact: 0, visible: None, fork: None };
-    let mut seen = 0;
     for k in 0..rollout.state().plant.steps() {
         look_back.contact = k;
         rollout.wake(k);
-        let sees = watch.sees(rollout.state(), k);
-        if k - seen > reaction {
-            (look_back.visible, look_back.fork) = (None, None);
+        look_back.visible = watch.visible_since(rollout.state(), k);
+        if let Some(watchers) = &mut watchers {
+            watchers.look(rollout, k);
         }
-        if sees {
-            look_back.visible = look_back.visible.or(Some(k));
-            seen = k;
-        }
-        if look_back.visible.is_some_and(|visible| visible + reaction == k) {
-            look_back.fork = Some((k, rollout.fork(k)));
+        match look_back.visible {
+            Some(visible) if visible + reaction < k => {}
+            Some(visible) if visible + reaction == k => look_back.fork = Some((k, rollout.fork(k))),
+            _ => look_back.fork = None,
         }
         if !rollout.advance(k)? {
             break;
@@ -196,22 +211,20 @@ fn look_back<'a>(
     Ok(look_back)
 }
 
-/// Whether a manoeuvre begun in a state at step `from` touches nobody and keeps to the road up to step `until`. Someone
+/// Whether who controls the ego from a state at step `from` on (acceleration, m/s², and steering, radians) touches nobody and keeps to the road up to step `until`. Someone
 /// recorded who runs into the slowing ego from behind cannot brake, because a recording does not react: it is taken out.
-fn stays_clear(
+pub(super) fn stays_clear(
     fork: &ClosedLoop<'_>,
     from: usize,
     until: usize,
-    manoeuvre: Manoeuvre,
-    options: &AvoidanceOptions,
+    control: &mut dyn FnMut(&ClosedLoop<'_>, usize) -> (f64, f64),
 ) -> bool {
     let mut state = fork.clone().without_springs();
     let plant = &*fork.plant;
-    let evasion = Evasion::new(manoeuvre, &state.ego, options);
     let beyond_m = beyond_road_m(&state).max(DRIVABLE_TOLERANCE_M);
     for k in from..until.min(plant.steps()) {
         state.wake(k);
-        let (acceleration_mps2, steering_rad) = evasion.control(&plant.route, &state.ego, state.car(), k - from);
+        let (acceleration_mps2, steering_rad) = control(&state, k);
         let step = state.drive(acceleration_mps2, steering_rad, k);
         state.decide_traffic(k);
         state.plan_others(k);

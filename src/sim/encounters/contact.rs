@@ -161,6 +161,8 @@ pub(in crate::sim) fn describe(hit: &Hit, k: usize, ego: &OrientedBox, ego_veloc
         class: classify(&encounter),
         visible_s: None,
         avoidable: None,
+        fault: None,
+        jury: None,
     }
 }
 

@@ -1,6 +1,8 @@
 //! What the ego could have done: full braking, and swerves by pure pursuit of its route shifted aside, with and without
 //! braking.
 
+use serde::{Deserialize, Serialize};
+
 use crate::kernel::num;
 use crate::scene::DT_S;
 use crate::sim::prepared::options::AvoidanceOptions;
@@ -13,12 +15,18 @@ const PURSUIT_S: f64 = 0.6;
 const PURSUIT_M: f64 = 4.0;
 
 /// A way to evade.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Manoeuvre {
+    /// Full braking along the route.
     Brake,
+    /// A swerve to the left, with the brakes that the tyres have left.
     BrakeLeft,
+    /// The same to the right.
     BrakeRight,
+    /// A swerve to the left at constant speed.
     SwerveLeft,
+    /// The same to the right.
     SwerveRight,
 }
 
@@ -26,6 +34,17 @@ impl Manoeuvre {
     /// In the order in which they are tried: braking is what most contacts need.
     pub const ALL: [Manoeuvre; 5] =
         [Manoeuvre::Brake, Manoeuvre::BrakeLeft, Manoeuvre::BrakeRight, Manoeuvre::SwerveLeft, Manoeuvre::SwerveRight];
+
+    /// As people say it.
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Manoeuvre::Brake => "braking",
+            Manoeuvre::BrakeLeft => "braking and swerving left",
+            Manoeuvre::BrakeRight => "braking and swerving right",
+            Manoeuvre::SwerveLeft => "swerving left",
+            Manoeuvre::SwerveRight => "swerving right",
+        }
+    }
 
     /// 1 to the left, -1 to the right, 0 straight on.
     fn side(self) -> f64 {

@@ -13,16 +13,19 @@ use crate::kernel::{OrientedBox, Vec2, num};
 use crate::scene::{AgentKind, DT_S};
 use crate::sim::prepared::body::{Place, Size};
 use crate::sim::prepared::options::AvoidanceOptions;
-use crate::sim::road_users::actors::Actor;
+use crate::sim::road_users::intervention::ActorRef;
 use crate::sim::rollouts::closed_loop::ClosedLoop;
 
-/// Watches one adversary from step to step.
+/// Watches one road user from step to step.
 pub(in crate::sim) struct ThreatWatch<'a> {
     options: &'a AvoidanceOptions,
-    /// Place of the adversary in `world.actors`.
-    actor: usize,
-    /// Headings of the ego and of the adversary at the last step.
+    /// Whom it watches.
+    who: ActorRef,
+    /// Headings of the ego and of the other at the last step.
     last: Option<(Vec2, Vec2)>,
+    /// Since which step it is visible, and when it was seen last.
+    visible: Option<usize>,
+    seen: usize,
 }
 
 /// A body in the plane with a turn rate.
@@ -59,34 +62,46 @@ impl Forecast<'_> {
 }
 
 impl<'a> ThreatWatch<'a> {
-    pub fn new(options: &'a AvoidanceOptions, actor: usize) -> ThreatWatch<'a> {
-        ThreatWatch { options, actor, last: None }
+    pub fn new(options: &'a AvoidanceOptions, who: ActorRef) -> ThreatWatch<'a> {
+        ThreatWatch { options, who, last: None, visible: None, seen: 0 }
     }
 
-    /// Whether the adversary is a visible threat at the k-th step. Asked once a step, in order.
-    pub fn sees(&mut self, state: &ClosedLoop<'_>, k: usize) -> bool {
-        let actor = &state.world.actors[self.actor];
-        let Some(now) = &actor.now else {
+    /// Since which step the threat is visible at the k-th: the first of the last run of steps in which it is seen. The ego keeps it in mind for
+    /// the reaction time, so shorter interruptions do not end a run. Asked once a step, in order.
+    pub fn visible_since(&mut self, state: &ClosedLoop<'_>, k: usize) -> Option<usize> {
+        let sees = self.sees(state, k);
+        if k - self.seen > in_steps(self.options.reaction_s) {
+            self.visible = None;
+        }
+        if sees {
+            self.visible = self.visible.or(Some(k));
+            self.seen = k;
+        }
+        self.visible
+    }
+
+    /// Whether it is a visible threat at the k-th step.
+    fn sees(&mut self, state: &ClosedLoop<'_>, k: usize) -> bool {
+        let Some((place, velocity, size)) = place_of(state, k, self.who) else {
             self.last = None;
             return false;
         };
         let (ego, rate) =
             (&state.ego, |before: Vec2, axis: Vec2| num::atan2(before.cross(axis), before.dot(axis)) / DT_S);
-        let rates = self.last.map_or((0.0, 0.0), |(own, other)| (rate(own, ego.axis), rate(other, actor.axis)));
-        self.last = Some((ego.axis, actor.axis));
+        let rates = self.last.map_or((0.0, 0.0), |(own, other)| (rate(own, ego.axis), rate(other, place.axis)));
+        self.last = Some((ego.axis, place.axis));
         let own = Forecast {
             place: Place { position: ego.sample.position, axis: ego.axis },
             velocity: ego.sample.velocity,
             yaw_rate_radps: rates.0,
             size: &ego.size,
         };
-        let place = Place { position: now.position, axis: actor.axis };
-        let other = |yaw_rate_radps| Forecast { place, velocity: now.velocity, yaw_rate_radps, size: &actor.size };
+        let other = |yaw_rate_radps| Forecast { place, velocity, yaw_rate_radps, size: &size };
         let horizon_s = self.options.horizon_s;
-        let threatens = self.is_in_envelope(&own, &actor.size.at(place), now.velocity)
+        let threatens = self.is_in_envelope(&own, &size.at(place), velocity)
             || own.meets(&other(0.0), horizon_s)
             || own.meets(&other(rates.1), horizon_s);
-        threatens && self.is_in_view(state, k, actor, &actor.size.at(place))
+        threatens && self.is_in_view(state, k, &size.at(place))
     }
 
     fn is_in_envelope(&self, ego: &Forecast<'_>, other: &OrientedBox, velocity: Vec2) -> bool {
@@ -103,7 +118,7 @@ impl<'a> ThreatWatch<'a> {
     }
 
     /// Whether some place of the box lies in the field of view with nobody in between.
-    fn is_in_view(&self, state: &ClosedLoop<'_>, k: usize, actor: &Actor, shape: &OrientedBox) -> bool {
+    fn is_in_view(&self, state: &ClosedLoop<'_>, k: usize, shape: &OrientedBox) -> bool {
         let (eye, axis) = (state.ego.sample.position, state.ego.axis);
         let half_view_rad = 0.5 * self.options.field_of_view_deg * num::PI / 180.0;
         let mut places = shape.corners().to_vec();
@@ -114,7 +129,7 @@ impl<'a> ThreatWatch<'a> {
         });
         let farthest_m = places.iter().map(|place| place.distance(eye)).fold(0.0, f64::max);
         state.world.for_each_near(&state.plant, k, eye, farthest_m, |near| {
-            let hides = matches!(near.size.kind, AgentKind::Vehicle | AgentKind::Static) && near.who != actor.who;
+            let hides = matches!(near.size.kind, AgentKind::Vehicle | AgentKind::Static) && near.who != self.who;
             if hides {
                 let cover = near.size.at(Place { position: near.position, axis: near.axis });
                 places.retain(|&place| !crosses(eye, place, &cover));
@@ -122,6 +137,24 @@ impl<'a> ThreatWatch<'a> {
         });
         !places.is_empty()
     }
+}
+
+/// Whole decision steps that hold a time.
+pub(super) fn in_steps(seconds: f64) -> usize {
+    // A hair less, so that 0.3 s are three steps and not four.
+    (seconds / DT_S - 1e-9).ceil().max(0.0) as usize
+}
+
+/// Where somebody is at the k-th step, how it moves, and its box; nothing while it is not there.
+pub(super) fn place_of(state: &ClosedLoop<'_>, k: usize, who: ActorRef) -> Option<(Place, Vec2, Size)> {
+    if let Some(actor) = state.world.actors.iter().find(|actor| actor.who == who) {
+        let now = actor.now.as_ref()?;
+        return Some((Place { position: now.position, axis: actor.axis }, now.velocity, actor.size));
+    }
+    let ActorRef::Track(track) = who else { return None };
+    let plant = &*state.plant;
+    let row = plant.rows.find(k, track)?;
+    Some((plant.rows.place(row), plant.rows.sample(k, row).velocity, plant.sizes[track]))
 }
 
 /// Whether the straight line between two points passes through a box (clipped against its slabs).

@@ -22,6 +22,12 @@ pub struct SimulatorOptions {
     /// `place_of_kind` needs it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub of_place: bool,
+    /// Whether outcomes say who is at fault for the ego's contact by nuPlan's rule. `reading = "at_fault"` needs it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub at_fault: bool,
+    /// Whether labels say which drivers of UN R157 would have avoided the ego's contact.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub jury: bool,
     /// Which form of SafeBench's scripts traffic families stage. Absent from what is written where it is the first.
     #[serde(default, skip_serializing_if = "Scripts::are_as_defined")]
     pub scripts: Scripts,
@@ -52,6 +58,8 @@ impl SimulatorOptions {
         avoidance: AvoidanceOptions::SHIPPED,
         of_kind: false,
         of_place: false,
+        at_fault: false,
+        jury: false,
         scripts: Scripts::AsDefined,
     };
 

@@ -7,6 +7,7 @@ use crate::sim::SimError;
 use crate::sim::accounts::outcome::Contact;
 use crate::sim::encounters::class::Before;
 use crate::sim::encounters::contact;
+use crate::sim::encounters::fault::Fault;
 use crate::sim::encounters::hit::{Hit, Mover, Swept};
 use crate::sim::prepared::body::{Place, SUBSTEP_S, SUBSTEPS, Size, sample_during};
 use crate::sim::prepared::plant::Plant;
@@ -260,7 +261,13 @@ impl<'a> ClosedLoop<'a> {
             j => step.samples[j - 1].velocity,
         };
         let before = Before::of(&self.plant, &self.world, k, hit, &self.ego.along);
-        contact::describe(hit, k, &size.at(step.path[hit.substep]), velocity, &before)
+        let own = size.at(step.path[hit.substep]);
+        let contact = contact::describe(hit, k, &own, velocity, &before);
+        let fault =
+            self.plant.options().at_fault.then(|| {
+                Fault::of(&self.plant, (&own, velocity), (&hit.size.at(hit.place), hit.velocity, hit.size.kind))
+            });
+        Contact { fault, ..contact }
     }
 
     /// Makes the next pose of everyone the present one.

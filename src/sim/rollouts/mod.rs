@@ -2,6 +2,7 @@
 
 pub(super) mod closed_loop;
 mod episode;
+mod fault_of;
 mod held;
 mod part;
 #[cfg(test)]
@@ -18,14 +19,16 @@ pub mod rollout;
 pub(super) mod rules;
 
 pub use episode::Episode;
+pub use fault_of::fault_of;
 pub use held::Held;
 pub use part::{Part, RolloutCost};
-pub use reenacted::{judge, tell};
+pub use reenacted::{judge, reported_timeline, tell};
 pub use repeated::Repeated;
 pub use reported::{
     ContactBoxes, Pose, ReportedActor, ReportedContact, ReportedError, ReportedRollout, adversaries_of, commands,
 };
-pub use retraced::retraced;
+pub use retraced::{Retraced, retraced};
 pub use rollout::{
-    contact_within, ending, rollout, rollout_assessed, rollout_counted, rollout_in_parts, rollout_traced,
+    contact_within, ending, rollout, rollout_assessed, rollout_counted, rollout_explained, rollout_in_parts,
+    rollout_traced,
 };

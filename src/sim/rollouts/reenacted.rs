@@ -14,6 +14,7 @@ use crate::sim::accounts::outcome::{Contact, Outcome, Trace};
 use crate::sim::encounters::avoidance::{Relived, assess_relived};
 use crate::sim::encounters::contact::row_during;
 use crate::sim::encounters::hit::{Hit, Swept};
+use crate::sim::encounters::timeline::{Timeline, timeline_relived};
 use crate::sim::prepared::body::{SUBSTEPS, Size};
 use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::actors::{Actor, Mind};
@@ -40,6 +41,19 @@ pub fn judge(
     let mut outcome = reenacted.account(&mut recorder);
     assess_relived(&mut Reenacted::new(plant, intervention, reported, replays)?, outcome.contact.as_mut())?;
     Ok((outcome, recorder.finish()))
+}
+
+/// The [`Timeline`] of a contact in a told rollout that was judged before.
+///
+/// # Errors
+/// What our own simulator refuses of scene and intervention.
+pub fn reported_timeline(
+    plant: &Plant,
+    intervention: &Intervention,
+    reported: &ReportedRollout,
+    (replays, contact): (bool, &Contact),
+) -> Result<Timeline, ReportedError> {
+    Ok(timeline_relived(&mut Reenacted::new(plant, intervention, reported, replays)?, contact)?)
 }
 
 /// A rollout of our own as a worker tells it.

@@ -368,3 +368,23 @@ fn traffic_that_nobody_commands_does_not_jump() {
     }
     assert!(spoiled > 5, "{spoiled}");
 }
+
+#[test]
+fn a_told_rollout_has_the_time_line_of_the_rollout_that_it_tells() {
+    let mut counted = 0;
+    for seed in 0..60 {
+        let scene = scene(seed);
+        let (plant, act, policy) = (plant(&scene, seed), drawn(&scene, seed), policy(seed));
+        let (outcome, _, own) = rollout_explained(&plant, &act, policy.driver().as_mut()).unwrap();
+        let Some((contact, own)) = outcome.contact.zip(own) else { continue };
+        let reported = tell(&plant, &act, policy.driver().as_mut()).unwrap();
+        let replays = policy.driver().follows_log();
+        let mut told = reported_timeline(&plant, &act, &reported, (replays, &contact)).unwrap();
+        // Speeds of told poses round.
+        assert!((told.braked_mps2_max - own.braked_mps2_max).abs() < 1e-6, "seed {seed}");
+        told.braked_mps2_max = own.braked_mps2_max;
+        assert_eq!(told, own, "seed {seed}");
+        counted += 1;
+    }
+    assert!(counted > 5, "{counted}");
+}

@@ -2,7 +2,9 @@
 //! to the next. Whatever no car can do, whoever moved otherwise and a contact or an end that is not there shows as the first difference.
 
 use crate::kernel::num;
-use crate::sim::prepared::body::SUBSTEPS;
+use crate::scene::Sample;
+use crate::sim::accounts::outcome::{Contact, Trace};
+use crate::sim::prepared::body::{SUBSTEP_S, SUBSTEPS};
 use crate::sim::prepared::plant::Plant;
 use crate::sim::prepared::plant_options::EgoCar;
 use crate::sim::road_users::bicycle::Car;
@@ -26,7 +28,7 @@ pub fn retraced(plant: &Plant, intervention: &Intervention, reported: &ReportedR
     if reported.controls.is_empty() && plant.options().plant.ego_car == EgoCar::Sprung {
         return Ok(());
     }
-    let driven = tell(plant, intervention, &mut Retracing { reported })?;
+    let driven = tell(plant, intervention, &mut Retraced::of_report(reported))?;
     let differs =
         |place: String, expected: String, found: String| Err(ReportedError::Motion { place, expected, found });
     for (row, (is, was)) in driven.ego.iter().zip(&reported.ego).enumerate() {
@@ -80,30 +82,51 @@ fn apart(a: &Pose, b: &Pose) -> f64 {
     if all.iter().all(|x| x.is_finite()) { all.into_iter().fold(0.0, f64::max) } else { f64::INFINITY }
 }
 
-/// Decides what was decided.
-struct Retracing<'r> {
-    reported: &'r ReportedRollout,
+/// Decides what was decided: by recorded controls, or by those that lead from one recorded state to the next.
+#[derive(Clone, Debug)]
+pub struct Retraced<'r> {
+    controls: &'r [[f64; 2]],
+    samples: Vec<Sample>,
+    /// Decision step and physics step of the contact.
+    contact: Option<(usize, usize)>,
 }
 
-impl Driver for Retracing<'_> {
+impl<'r> Retraced<'r> {
+    fn of_report(reported: &'r ReportedRollout) -> Retraced<'r> {
+        Retraced {
+            controls: &reported.controls,
+            samples: reported.ego.iter().map(|pose| pose.sample).collect(),
+            contact: reported.contact.map(|contact| (contact.step, contact.substep)),
+        }
+    }
+
+    /// The ego of a motion that ended with this contact. A car on springs has more state than that tells.
+    pub fn of(motion: &Trace, contact: Option<&Contact>) -> Retraced<'static> {
+        let at = |contact: &Contact| {
+            let substeps = (contact.time_s / SUBSTEP_S).round() as usize;
+            (substeps / SUBSTEPS, substeps % SUBSTEPS)
+        };
+        Retraced { controls: &[], samples: motion.ego.clone(), contact: contact.map(at) }
+    }
+}
+
+impl Driver for Retraced<'_> {
     fn begin(&mut self, _: &Plant) {}
 
     fn decide(&mut self, view: &View<'_>) -> Control {
         let (k, ego) = (view.decision(), view.ego());
-        if let Some(&[acceleration_mps2, steering_rad]) = self.reported.controls.get(k) {
+        if let Some(&[acceleration_mps2, steering_rad]) = self.controls.get(k) {
             return Control::Drive { acceleration_mps2, steering_rad };
         }
         let drive = |(acceleration_mps2, steering_rad)| Control::Drive { acceleration_mps2, steering_rad };
         // Behind the last row, where the recorded drive ended and this one goes on, any control shows that.
-        let Some(next) = self.reported.ego.get(k + 1).filter(|_| self.reported.controls.is_empty()) else {
+        let Some(next) = self.samples.get(k + 1).filter(|_| self.controls.is_empty()) else {
             return drive((0.0, 0.0));
         };
-        let contact = self.reported.contact.filter(|contact| contact.step == k);
-        let substeps = contact.map_or(SUBSTEPS, |contact| contact.substep.clamp(1, SUBSTEPS));
+        let substeps = self.contact.filter(|(step, _)| *step == k).map_or(SUBSTEPS, |(_, j)| j.clamp(1, SUBSTEPS));
         let mut car = Car::new(&ego.sample, 2.0 * ego.size.half_length_m);
         (car.axis, car.speed_mps) = (ego.axis, ego.speed_mps);
-        let (acceleration_mps2, steering_rad) =
-            car.controls_to(&next.sample, substeps, &view.plant().limits().at_step(k));
+        let (acceleration_mps2, steering_rad) = car.controls_to(next, substeps, &view.plant().limits().at_step(k));
         // What leads nowhere is no control either.
         let finite = acceleration_mps2.is_finite() && steering_rad.is_finite();
         drive(if finite { (acceleration_mps2, steering_rad) } else { (0.0, 0.0) })

@@ -4,6 +4,7 @@ use crate::sim::SimError;
 use crate::sim::accounts::end::End;
 use crate::sim::accounts::outcome::{Contact, Outcome, Trace};
 use crate::sim::encounters::avoidance::assess;
+use crate::sim::encounters::timeline::{Timeline, timeline};
 use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::driver::Driver;
 use crate::sim::road_users::intervention::Intervention;
@@ -26,6 +27,19 @@ pub fn rollout_assessed(
     let mut outcome = rollout(plant, intervention, driver)?;
     assess(plant, intervention, driver, &mut outcome)?;
     Ok(outcome)
+}
+
+/// [`rollout_assessed`] with its motion and the [`Timeline`] of its contact, where it has one.
+pub fn rollout_explained(
+    plant: &Plant,
+    intervention: &Intervention,
+    driver: &mut dyn Driver,
+) -> Result<(Outcome, Trace, Option<Timeline>), SimError> {
+    let (mut outcome, motion) = rollout_traced(plant, intervention, driver)?;
+    assess(plant, intervention, driver, &mut outcome)?;
+    let timeline =
+        outcome.contact.as_ref().map(|contact| timeline(plant, intervention, driver, contact)).transpose()?;
+    Ok((outcome, motion, timeline))
 }
 
 /// How [`rollout`] ends and whom the ego touches, bit for bit, without what an outcome sums up: for searches that simulate

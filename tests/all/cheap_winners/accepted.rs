@@ -2,8 +2,7 @@
 //! nothing to the ego. Who is accepted here is who would stand in a run's front, lead its lineage after a race, and be reported.
 
 use evodrive::archive::{
-    ArchiveOptions, Contender, MeanOverScenes, Measure, PromotionRule, SelectorOptions, Standing, consider,
-    select_active,
+    ArchiveOptions, Contender, MeanOverScenes, Measure, SelectorOptions, Standing, consider, select_active,
 };
 use evodrive::evaluation::{RolloutRecord, score_of};
 use evodrive::objects::{SceneScore, Score, SolutionId};
@@ -35,8 +34,8 @@ pub fn archive(r0: f64) -> ArchiveOptions {
         epsilon_pf: 0.01,
         level: 0.8,
         coverage_floor: 0.8,
-        promotion: PromotionRule::LargestHypervolumeGain,
         race: Some(RACE),
+        ..ArchiveOptions::default()
     }
 }
 
@@ -57,7 +56,7 @@ pub fn verdict(
         objectives: of.objectives,
         coverage: of.coverage,
     };
-    let selector = SelectorOptions { realism_min, tolerance: 0.05, also_at: None };
+    let selector = SelectorOptions::at(realism_min, 0.05);
     let chosen = select_active(&[contender("parent", parent), contender("child", child)], &selector).unwrap();
     Verdict { front, leads, reported: front && chosen.solution.as_str() == "child" }
 }
@@ -91,8 +90,9 @@ fn judged((_, _, fence, plan): &Trick) -> [Verdict; 2] {
     // A trick about which contacts count is no question of realism.
     let realism_min = if matches!(fence, Fence::Diagnostics(_)) { REALISM_MIN } else { 0.0 };
     labels.map(|[before, after]| {
-        let scored = |labels| score_of(labels, Vec::new()).expect("scenes in which the trick was tried");
-        verdict((&scored(before), &scored(after)), &archive(REALISM_MIN), realism_min, &MeanOverScenes)
+        let scored =
+            |labels| score_of(labels, Vec::new(), Default::default()).expect("scenes in which the trick was tried");
+        verdict((&scored(before), &scored(after)), &archive(REALISM_MIN), realism_min, &MeanOverScenes::default())
     })
 }
 

@@ -89,7 +89,12 @@ fn prepared(scene: Arc<Scene>, ego: &Policy) -> Situation {
 
 fn attack(counts: &[ContactClass], counts_if_avoidable: &[ContactClass]) -> AttackOptions {
     let set = |classes: &[ContactClass]| classes.iter().copied().collect::<BTreeSet<_>>();
-    AttackOptions { counts: set(counts), counts_if_avoidable: set(counts_if_avoidable), when: None }
+    AttackOptions {
+        counts: set(counts),
+        counts_if_avoidable: set(counts_if_avoidable),
+        when: None,
+        requires: Default::default(),
+    }
 }
 
 /// The classes but rams from behind.

@@ -175,7 +175,12 @@ fn played_without_a_program(scenes: impl IntoIterator<Item = Scene>, ego: &Polic
     use evodrive::backend::Backend;
     use evodrive::evaluation::{AttackOptions, EvaluationOptions, MetadriveOptions, Playing, replay_row};
     use evodrive::sim::{ContactClass, SimulatorOptions};
-    let attack = AttackOptions { counts: ContactClass::ALL.into(), counts_if_avoidable: [].into(), when: None };
+    let attack = AttackOptions {
+        counts: ContactClass::ALL.into(),
+        counts_if_avoidable: [].into(),
+        when: None,
+        requires: Default::default(),
+    };
     let evaluation =
         EvaluationOptions::Metadrive(MetadriveOptions { attack, realism: options(), metrics: Default::default() });
     let (simulator, seed) = (&SimulatorOptions::SHIPPED, Seed(1));

@@ -9,6 +9,7 @@ mod recorded;
 use evodrive::ego::Policy;
 use evodrive::evaluation::{Calibration, RealismOptions, Weights};
 use evodrive::kernel::Seed;
+use evodrive::objects::RealismMean;
 use evodrive::scene::{AgentKind, Scene};
 use evodrive::sim::{Action, Intervention, Outcome, Plant, rollout};
 use evodrive::synth::{self, SynthOptions, WorldKind};
@@ -61,7 +62,12 @@ pub fn options() -> RealismOptions {
         bounded_jerk: 0.1,
         bounded_slip: 0.1,
     };
-    let options = RealismOptions { weights, calibration: Box::new(calibration) };
+    let options = RealismOptions {
+        weights,
+        calibration: Box::new(calibration),
+        mean: RealismMean::Strict,
+        excuses_recordings: true,
+    };
     options.check().unwrap();
     options
 }
@@ -94,7 +100,12 @@ fn by_kind(share: f64, place_of_kind: Option<f64>) -> RealismOptions {
         bounded_jerk: share,
         bounded_slip: share,
     };
-    let options = RealismOptions { weights, calibration: Box::new(calibration) };
+    let options = RealismOptions {
+        weights,
+        calibration: Box::new(calibration),
+        mean: RealismMean::Strict,
+        excuses_recordings: true,
+    };
     options.check().unwrap();
     options
 }

@@ -10,5 +10,6 @@ mod plant;
 mod recorded;
 mod rollouts;
 mod sprung;
+mod timeline;
 mod triggered;
 mod world;

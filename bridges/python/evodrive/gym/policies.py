@@ -101,7 +101,7 @@ def _of_sb3(model):
 def evaluate(policy: Any, scenes: HeldOut | Scenarios, observation: str = "metadrive-1", threads: int = 0) -> dict[str, dict]:
     """How a policy drives, under each program planned around it: `evodrive apply`'s labels and `evodrive egos`' figures.
 
-    policy  a file of weights, "idm", "idm-lights", "replay", "standing" (brakes and stands), or whatever `save_policy` takes
+    policy  a file of weights, "idm", "idm-lights", "pdm", "frenet", "replay", "standing" (brakes and stands), or whatever `save_policy` takes
     scenes  `scenarios.held_out`, or `Scenarios` for the scenes of the training
 
     Gives a dictionary by program: scenes, crash_rate (anybody), off_road_rate, arrival_rate, route_completion, speed_mps, not_planned
@@ -111,7 +111,7 @@ def evaluate(policy: Any, scenes: HeldOut | Scenarios, observation: str = "metad
         raise TypeError(f"scenes is a {type(scenes).__name__}; expected scenarios.held_out, or Scenarios")
     held_out = isinstance(scenes, HeldOut)
     scenarios = scenes.scenarios if held_out else scenes
-    if isinstance(policy, str) and policy in ("idm", "idm-lights", "replay", "standing"):
+    if isinstance(policy, str) and policy in ("idm", "idm-lights", "pdm", "frenet", "replay", "standing"):
         name, weights = policy, None
     elif isinstance(policy, (str, os.PathLike)):
         name, weights = _driver(policy)

@@ -19,7 +19,7 @@ CONTACT_CLASSES = (
     "ego_strikes", "ego_sideswipes", "stationary_hit", "cut_in", "crossing", "head_on", "sideswipe", "rear_end_ego_struck"
 )  # fmt: skip
 
-_DRIVERS = ("idm", "idm-lights", "replay")
+_DRIVERS = ("idm", "idm-lights", "pdm", "frenet", "replay")
 
 
 def _paths(of):
@@ -67,7 +67,7 @@ class Scenarios:
     programs      name -> program file (`evodrive program export`), name of a family (its published parent), or None for the
                   scenes as they are; without it {"plain": None}
     mix           name -> share, on any scale; without it all alike
-    plan_around   around whose drive a program plans its adversaries: "idm", "idm-lights", "replay", a file of weights, or
+    plan_around   around whose drive a program plans its adversaries: "idm", "idm-lights", "pdm", "frenet", "replay", a file of weights, or
                   "policy": the one that is being trained (`env.policy = ...`), every `replan_every` steps
     replan_every  steps of the environment, all its places together, between two plans around the policy
     held_out      scenes that are never trained in; a scene of both is refused

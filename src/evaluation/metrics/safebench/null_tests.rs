@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::ars::tests::PUBLISHED;
-use crate::archive::{ArchiveOptions, PromotionRule, pf_area_pct};
+use crate::archive::{ArchiveOptions, pf_area_pct};
 use crate::ego::Policy;
 use crate::evaluation::protocol::balanced::balanced;
 use crate::evaluation::protocol::safebench::{Group, Runs};
@@ -74,8 +74,7 @@ fn a_program_that_does_nothing_has_no_collision_no_attack_no_realism_and_adds_no
             epsilon_pf: 0.1,
             level: 0.8,
             coverage_floor: 0.8,
-            promotion: PromotionRule::LargestHypervolumeGain,
-            race: None,
+            ..ArchiveOptions::default()
         };
         for (group, score) in gathered(runs).groups() {
             let gain = pf_area_pct(&[before[&group].point()], &[score.point()], 3, &options);

@@ -172,6 +172,8 @@ mod tests {
                 class: ContactClass::RearEndEgoStruck,
                 visible_s: None,
                 avoidable: None,
+                fault: None,
+                jury: None,
             });
             Run::of(&outcome).unwrap().collision
         };

@@ -14,9 +14,11 @@ function drawAnswer() {
     sections.push(el("section", { class: "part" }, el("h2", {}, stays ? `${best.id}: the parent stays` : `What ${best.group || best.id} does now`), ...mechanismGist(best)));
     const scenes = [...new Set(stage.rollouts.filter((p) => p.solution === evolved).map((p) => p.scene))];
     const both = scenes.filter((scene) => rolloutOf(result.parent.solution, scene));
-    const scene = both.find((s) => { const [p, c] = [rolloutOf(result.parent.solution, s), rolloutOf(evolved, s)]; return c.contact && !p.contact; }) || both[0] || scenes[0];
+    const won = both.find((s) => rolloutOf(evolved, s).contact && !rolloutOf(result.parent.solution, s).contact);
+    const scene = won || scenes.find((s) => rolloutOf(evolved, s).contact) || both[0] || scenes[0];
+    const because = won ? "chosen because it tells most of what changed" : stays ? "nothing changed, for the parent stays" : "in none that is played here does the program meet the ego where its parent does not";
     if (scene) {
-      sections.unshift(el("section", { class: "part" }, el("h2", {}, stays ? "What the parent does" : "Before and after, in one scene"), play, filmKey(scene, [result.parent.solution, evolved]), note(otherActors(scene, result.parent.solution, evolved), `Held-out scene ${scene}, chosen because it tells most of what changed${both.length > 1 ? "; " : ". "}`, both.length > 1 ? link({ tab: "scenes", lineage: best.id }, `${counted(both.length, "scene")} of every outcome to play, and how all ended`) : null, both.length > 1 ? ". " : null, `Other drivers and seeds may give other outcomes.`)));
+      sections.unshift(el("section", { class: "part" }, el("h2", {}, stays ? "What the parent does" : "Before and after, in one scene"), play, filmKey(scene, [result.parent.solution, evolved]), note(otherActors(scene, result.parent.solution, evolved), `Held-out scene ${scene}: ${because}${both.length > 1 ? "; " : ". "}`, both.length > 1 ? link({ tab: "scenes", lineage: best.id }, `${counted(both.length, "scene")} of every outcome to play, and how all ended`) : null, both.length > 1 ? ". " : null, `Other drivers and seeds may give other outcomes.`)));
       setTimeout(() => { if (play.isConnected) film(play, scene, stays ? [["Parent", evolved]] : [["Before: parent", result.parent.solution], [`After: ${program}`, evolved]], { height: matchMedia("(max-width: 700px)").matches ? 210 : 270, at: "contact" }); }, 0);
     }
   }

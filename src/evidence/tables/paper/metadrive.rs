@@ -126,7 +126,7 @@ pub fn policy_figures(name: &str, policy: &str) -> Option<Figures> {
 mod tests {
     use super::*;
     use crate::archive::{Contender, SelectorOptions, hypervolume, select_active};
-    use crate::objects::{Objectives, SolutionId};
+    use crate::objects::{Objectives, ReportedBy, SolutionId};
 
     /// Parent, reported program and endpoint of a row as [attack, realism].
     fn points(row: &[f64; 7]) -> [[f64; 2]; 3] {
@@ -151,8 +151,8 @@ mod tests {
     }
 
     #[test]
-    fn two_of_the_papers_rows_contradict_the_rule_by_which_a_generator_is_reported_here() {
-        let options = SelectorOptions { realism_min: 0.95, tolerance: 0.05, also_at: None };
+    fn two_of_the_papers_twenty_rows_contradict_our_rule_of_reporting_and_one_contradicts_the_best_attack() {
+        let options = SelectorOptions::at(0.95, 0.05);
         let contradicts = |options: &SelectorOptions| {
             let of = |row: &[f64; 7]| {
                 let [parent, reported, endpoint] = points(row);
@@ -169,8 +169,14 @@ mod tests {
             rows.map(|(name, ego, _)| format!("{name}/{ego}")).collect::<Vec<_>>()
         };
         assert_eq!(contradicts(&options), ["AT/RL", "SAGE (w=0.50)/IDM"]);
-        // The largest attack among those realistic enough, without a tolerance.
-        assert_eq!(contradicts(&SelectorOptions { tolerance: 0.0, ..options }), ["SAGE (w=0.50)/IDM"]);
+        let strongest = SelectorOptions { rule: ReportedBy::BestAttack, ..options };
+        assert_eq!(
+            contradicts(&strongest),
+            ["SAGE (w=0.50)/IDM"],
+            "the nearest: experiments/protocols/published.toml has it"
+        );
+        let protocol: toml::Table = include_str!("../../../../experiments/protocols/published.toml").parse().unwrap();
+        assert_eq!(protocol["selector"]["rule"].as_str(), Some("best_attack"));
     }
 
     #[test]

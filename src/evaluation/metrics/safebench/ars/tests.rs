@@ -117,6 +117,8 @@ pub fn contact(relative_speed_mps: f64) -> Contact {
         class: ContactClass::RearEndEgoStruck,
         visible_s: None,
         avoidable: None,
+        fault: None,
+        jury: None,
     }
 }
 

@@ -1,0 +1,194 @@
+//! The time line of a contact: when the threat was visible, when the ego began to react, and the last moment at which each evasive manoeuvre
+//! would have avoided it. Collision avoidance calls the time from there to the contact time to brake and time to steer, and the
+//! least of them time to react (Hillenbrand, Spieker and Kroschel 2006).
+
+use serde::{Deserialize, Serialize};
+
+use crate::scene::DT_S;
+use crate::sim::SimError;
+use crate::sim::accounts::outcome::Contact;
+use crate::sim::prepared::plant::Plant;
+use crate::sim::road_users::actors::CUT_IN_STEPS;
+use crate::sim::road_users::driver::Driver;
+use crate::sim::road_users::intervention::Intervention;
+use crate::sim::rollouts::closed_loop::ClosedLoop;
+
+use super::avoidance::{Driven, LATENESS_MAX_S, Relived, helps};
+use super::class::ContactClass;
+use super::evasion::Manoeuvre;
+use super::threat::{ThreatWatch, in_steps, place_of};
+use super::touch::Side;
+
+/// Who slows down by more reacts, m/s²: more than rolling and letting go of the pedal come to.
+const BRAKES_MPS2: f64 = 1.5;
+/// Who is so far beside its place in the lane reacts, and began when it last was hardly beside it, metres.
+const STEERS_M: f64 = 0.3;
+const HARDLY_M: f64 = 0.05;
+
+/// When things happened that led to a contact. Times are since the first simulated step, s.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Timeline {
+    /// The contact.
+    pub contact_s: f64,
+    /// Since when the ego could see it coming; `None` if it never could.
+    pub visible_s: Option<f64>,
+    /// What the ego did about it first, from then on; where it saw nothing, within the last four seconds.
+    pub reaction: Option<Reaction>,
+    /// Its hardest braking from then on, m/s².
+    pub braked_mps2_max: f64,
+    /// Whence the other came, seen from the ego.
+    pub from: Side,
+    /// Of every manoeuvre, in the order in which they are tried.
+    pub chances: Vec<Chance>,
+}
+
+/// What the ego did first.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reaction {
+    /// The decision with which it began, s.
+    pub at_s: f64,
+    /// What it was.
+    pub by: Reacted,
+}
+
+/// A way to react.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reacted {
+    /// It slowed down.
+    Braked,
+    /// It left its place in the lane to the left.
+    SteeredLeft,
+    /// The same to the right.
+    SteeredRight,
+}
+
+/// A manoeuvre, and until when it would have helped.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Chance {
+    /// Which one.
+    pub by: Manoeuvre,
+    /// The last decision with which it could begin and avoid the contact, s; `None` where none of the last four seconds could.
+    pub last_s: Option<f64>,
+}
+
+impl Timeline {
+    /// The manoeuvre that would have helped the longest; of equal ones the plainest. `None` where none would have.
+    pub fn last_chance(&self) -> Option<Chance> {
+        let with = self.chances.iter().copied().filter(|chance| chance.last_s.is_some());
+        with.reduce(|best, other| if other.last_s > best.last_s { other } else { best })
+    }
+}
+
+/// The time line of a contact. It must be that of the rollout of the same plant, intervention and driver.
+///
+/// # Errors
+/// What the rollout itself would refuse.
+pub fn timeline(
+    plant: &Plant,
+    intervention: &Intervention,
+    driver: &mut dyn Driver,
+    contact: &Contact,
+) -> Result<Timeline, SimError> {
+    timeline_relived(&mut Driven::begun(plant, intervention, driver)?, contact)
+}
+
+/// The ego at a step, as far as reactions show in it.
+#[derive(Clone, Copy)]
+struct Moment {
+    speed_mps: f64,
+    offset_m: f64,
+    /// How far to the left of the ego the other is, metres.
+    other_left_m: Option<f64>,
+}
+
+/// [`timeline`] of a rollout that is lived through again from its first state.
+pub(in crate::sim) fn timeline_relived<'a>(
+    rollout: &mut dyn Relived<'a>,
+    contact: &Contact,
+) -> Result<Timeline, SimError> {
+    let options = &{ rollout.state().plant.options().avoidance };
+    let mut watch = ThreatWatch::new(options, contact.with);
+    let mut moments: Vec<Moment> = Vec::new();
+    let mut states: Vec<(usize, ClosedLoop<'a>)> = Vec::new();
+    let mut visible = None;
+    for k in 0..rollout.state().plant.steps() {
+        rollout.wake(k);
+        visible = watch.visible_since(rollout.state(), k);
+        moments.push(moment(rollout.state(), k, contact));
+        if contact.time_s - k as f64 * DT_S <= LATENESS_MAX_S {
+            states.push((k, rollout.fork(k)));
+        }
+        if !rollout.advance(k)? {
+            break;
+        }
+    }
+    let last = moments.len().saturating_sub(1);
+    let until = last + in_steps(options.horizon_s);
+    let last_helpful =
+        |by: Manoeuvre| states.iter().rev().find(|(k, state)| helps(state, (*k, until), by, options)).map(|of| of.0);
+    let chance = |by: Manoeuvre| Chance { by, last_s: last_helpful(by).map(in_seconds) };
+    let from = visible.or(states.first().map(|of| of.0)).unwrap_or(last);
+    Ok(Timeline {
+        contact_s: contact.time_s,
+        visible_s: visible.map(in_seconds),
+        reaction: reaction(&moments, from),
+        braked_mps2_max: decelerations(&moments, from).map(|(_, hard)| hard).fold(0.0, f64::max),
+        from: whence(contact, &moments),
+        chances: Manoeuvre::ALL.map(chance).to_vec(),
+    })
+}
+
+fn in_seconds(step: usize) -> f64 {
+    step as f64 * DT_S
+}
+
+fn moment(state: &ClosedLoop<'_>, k: usize, contact: &Contact) -> Moment {
+    let ego = &state.ego;
+    let left_m = |at: crate::kernel::Vec2| ego.axis.cross(at - ego.sample.position);
+    let other_left_m = place_of(state, k, contact.with).map(|(place, ..)| left_m(place.position));
+    Moment { speed_mps: ego.speed_mps, offset_m: ego.along.offset_m, other_left_m }
+}
+
+/// How hard each decision from a step on slowed the ego down, m/s².
+fn decelerations(moments: &[Moment], from: usize) -> impl Iterator<Item = (usize, f64)> {
+    let pairs = moments.windows(2).enumerate().skip(from);
+    pairs.map(|(k, pair)| (k, (pair[0].speed_mps - pair[1].speed_mps) / DT_S))
+}
+
+/// What the ego did first from a step on.
+fn reaction(moments: &[Moment], from: usize) -> Option<Reaction> {
+    let braked = decelerations(moments, from).find(|(_, hard)| *hard > BRAKES_MPS2).map(|(k, _)| (k, Reacted::Braked));
+    let start_m = moments.get(from)?.offset_m;
+    let aside_m = |k: usize| moments[k].offset_m - start_m;
+    let steered = (from..moments.len()).find(|k| aside_m(*k).abs() >= STEERS_M).map(|far| {
+        let began = (from..far).rev().find(|k| aside_m(*k).abs() < HARDLY_M).unwrap_or(from);
+        (began, if aside_m(far) > 0.0 { Reacted::SteeredLeft } else { Reacted::SteeredRight })
+    });
+    let first = match (braked, steered) {
+        (Some(braked), Some(steered)) if steered.0 < braked.0 => steered,
+        (braked, steered) => braked.or(steered)?,
+    };
+    Some(Reaction { at_s: in_seconds(first.0), by: first.1 })
+}
+
+/// Whence the other came. Who crosses came from the side that its motion leads away from, who cuts in or brushes along from the side on
+/// which it was two seconds before.
+fn whence(contact: &Contact, moments: &[Moment]) -> Side {
+    let side = |left: bool| if left { Side::Left } else { Side::Right };
+    match contact.class {
+        ContactClass::Crossing => side(contact.impact_angle_rad < 0.0),
+        ContactClass::CutIn | ContactClass::Sideswipe | ContactClass::EgoSideswipes => {
+            let lately = moments.iter().rev().take(CUT_IN_STEPS + 1);
+            lately
+                .filter_map(|moment| moment.other_left_m)
+                .next_back()
+                .map_or(contact.ego_side, |left_m| side(left_m > 0.0))
+        }
+        ContactClass::EgoStrikes | ContactClass::StationaryHit | ContactClass::HeadOn => Side::Front,
+        ContactClass::RearEndEgoStruck => Side::Rear,
+    }
+}

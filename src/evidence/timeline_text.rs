@@ -33,13 +33,14 @@ pub fn response(timeline: &Timeline) -> &'static str {
         None => "no reaction",
         Some(_) if any_s.is_none() => "reacted, and nothing would have helped",
         Some(of) if of.by != Reacted::Braked && helps_after(any_s, of.at_s) => {
-            let side = match of.by {
-                Reacted::SteeredLeft => [Manoeuvre::BrakeLeft, Manoeuvre::SwerveLeft],
-                Reacted::SteeredRight | Reacted::Braked => [Manoeuvre::BrakeRight, Manoeuvre::SwerveRight],
+            let (swerve, with_brakes) = match of.by {
+                Reacted::SteeredLeft => (Manoeuvre::SwerveLeft, Manoeuvre::BrakeLeft),
+                Reacted::SteeredRight | Reacted::Braked => (Manoeuvre::SwerveRight, Manoeuvre::BrakeRight),
             };
-            if side.into_iter().any(|by| helps_after(until(by), of.at_s)) {
+            let helps = |by: Manoeuvre| helps_after(until(by), of.at_s);
+            if helps(swerve) {
                 "steered in time, and not enough"
-            } else if helps_after(until(Manoeuvre::Brake), of.at_s) {
+            } else if helps(Manoeuvre::Brake) || helps(with_brakes) {
                 "steered where only braking helped"
             } else {
                 "steered to the side that did not help"

@@ -16,6 +16,7 @@ use crate::cli::terminal::interrupt::Interrupt;
 use crate::cli::terminal::output::{Output, by_ending};
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{Drawing, beside_html};
+use crate::evidence::timeline_text::sentences;
 use crate::suite::Case;
 
 #[derive(Debug, Args)]
@@ -112,9 +113,9 @@ fn drawn(
     let played = stage
         .played(case, wheel, name)
         .map_err(|error| Failure::bad_input(format!("{}: {name}: {}", case.id, error.reason())))?;
-    let plant = stage.plant(case).map_err(|error| Failure::bad_input(format!("{}: {}", case.id, error.reason())))?;
-    let judged = stage
-        .judged(case, &plant, wheel, (played.outcome.clone(), &played.motion))
-        .map_err(|error| Failure::bad_input(format!("{}: {}", case.id, error.reason())))?;
-    Ok((format!("{name}: {}", judged.drive().in_words()), played.drawing()))
+    let drove = stage
+        .drove(case, wheel)
+        .map_err(|error| Failure::bad_input(format!("{}: {name}: {}", case.id, error.reason())))?;
+    let why = drove.timeline.as_ref().map_or(String::new(), |timeline| format!("; {}", sentences(timeline)));
+    Ok((format!("{name}: {}{why}", drove.drive().in_words()), played.drawing()))
 }

@@ -81,7 +81,7 @@ impl<'a> Stage<'a> {
 
     /// Who is at fault for a contact, and who would have avoided it. A planner drove once: its motion is driven along again, which a car
     /// on springs does not allow.
-    pub fn judged(
+    fn judged(
         &self,
         case: &Case,
         plant: &Plant,

@@ -94,6 +94,11 @@ pub const NOTE: &str = "rates are shares of driven scenes with 95 % Wilson inter
 /// The rules and the scenes that broke them, each with the command that plays it.
 pub fn rules(rules: &[Judged], result: &SuiteResult, command: &dyn Fn(&Played) -> String) -> String {
     let mut text = String::new();
+    if rules.is_empty() {
+        text.push_str(
+            "no threshold is set, so contacts leave the exit code at 0: --max-preventable and the like set one\n",
+        );
+    }
     for rule in rules {
         let word = if rule.holds { "holds" } else { "BROKEN" };
         let _ = writeln!(text, "{word}: {}: expected {}, found {}", rule.rule, rule.expected, rule.found);

@@ -14,7 +14,7 @@ use super::{
 };
 use crate::objects::{
     AcceptanceGates, AcceptanceRequirement, CoverageFloor, Densification, Difference, FrontOf, JudgedOn, LocalPush,
-    ParentTradeoff, Required, Score, Ties, is_unsaid,
+    ParentTradeoff, Required, Score, Ties, is_unsaid, is_yes, yes,
 };
 
 /// What the gates compare with. Comes from the experiment file.
@@ -59,14 +59,6 @@ pub struct ArchiveOptions {
     /// Whether every third slot edits another member of the front than the leader. The paper has one active parent.
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub portfolio: bool,
-}
-
-fn yes() -> bool {
-    true
-}
-
-fn is_yes(value: &bool) -> bool {
-    *value
 }
 
 impl Default for ArchiveOptions {

@@ -11,7 +11,7 @@
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 
-use crate::objects::{Objectives, ReportedBy, SolutionId, is_unsaid};
+use crate::objects::{Objectives, ReportedBy, SolutionId, is_unsaid, is_yes, yes};
 
 /// Numbers of the realism-constrained rule. Come from the experiment file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,14 +31,6 @@ pub struct SelectorOptions {
     /// Whether whoever acts nowhere is no contender. The paper does not say so.
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub must_act: bool,
-}
-
-fn yes() -> bool {
-    true
-}
-
-fn is_yes(value: &bool) -> bool {
-    *value
 }
 
 impl SelectorOptions {

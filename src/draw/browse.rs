@@ -4,6 +4,7 @@
 use serde::Serialize;
 
 use super::player::{escaped, script_json};
+use crate::kernel::geom::{beside_piece, needed_points};
 use crate::kernel::{Vec2, num};
 use crate::scene::{AgentKind, LaneKind, Scene, Track};
 
@@ -147,32 +148,16 @@ impl Frame {
     }
 }
 
-/// The ends of a line, and the points without which it would run elsewhere (Douglas and Peucker 1973).
+/// The ends of a line, and the points without which it would run elsewhere.
 fn simplified(points: &[Vec2]) -> Vec<Vec2> {
-    let (Some(first), Some(last)) = (points.first().copied(), points.last().copied()) else { return Vec::new() };
-    if points.len() < 3 {
-        return if first == last { vec![first] } else { points.to_vec() };
-    }
-    let mut kept = vec![first];
-    let mut open = vec![(0, points.len() - 1)];
-    let mut at = vec![0];
-    while let Some((from, to)) = open.pop() {
-        let (a, b) = (points[from], points[to]);
-        let beside = |p: Vec2| {
-            let way = b - a;
-            let share =
-                if way.norm_squared() > 0.0 { ((p - a).dot(way) / way.norm_squared()).clamp(0.0, 1.0) } else { 0.0 };
-            p.distance(a + way * share)
-        };
-        let farthest = (from + 1..to).max_by(|i, j| beside(points[*i]).total_cmp(&beside(points[*j])));
-        match farthest.filter(|i| beside(points[*i]) > BESIDE_M) {
-            Some(i) => open.extend([(i, to), (from, i)]),
-            None => at.push(to),
-        }
-    }
-    kept.extend(at.into_iter().skip(1).map(|i| points[i]));
+    let beside = |a: usize, b: usize, k: usize| beside_piece(points[a], points[b], points[k]).0 / BESIDE_M;
+    let needed = needed_points(points.len(), beside);
+    let kept: Vec<Vec2> = points.iter().zip(needed).filter(|(_, needed)| *needed).map(|(at, _)| *at).collect();
     // Who stands is a place and no line.
-    if kept.len() == 2 && kept[0].distance(kept[1]) < BESIDE_M { vec![first] } else { kept }
+    match kept[..] {
+        [first, last] if first.distance(last) < BESIDE_M => vec![first],
+        _ => kept,
+    }
 }
 
 /// The page; `note` says what it shows and what not.

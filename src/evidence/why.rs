@@ -11,7 +11,7 @@ use super::recorded_run::RecordedRun;
 use super::tables::{Bases, Basis, Leaf, Piece, Table};
 use crate::kernel::Digest;
 use crate::objects::{Attempt, Exchange, Program, SceneScore, SolutionId};
-use crate::sim::Fault;
+use crate::sim::{Fault, avoided_in_words};
 use crate::text::counted;
 
 /// Scenes of a repetition that are named where only they move its number.
@@ -367,8 +367,8 @@ fn long_label(out: &mut String, solution: &SolutionId, label: &SceneScore, folde
             if let Some(fault) = met.fault.as_deref().and_then(Fault::named) {
                 let _ = writeln!(out, "    nuPlan's rule: {}: {}", fault.name(), fault.in_words());
             }
-            if let Some([avoid, of]) = met.avoided_by {
-                let _ = writeln!(out, "    jury: {avoid} of {of} drivers avoid it");
+            if let Some(of) = met.avoided_by {
+                let _ = writeln!(out, "    jury: {}", avoided_in_words(of));
             }
         }
     }

@@ -1,6 +1,7 @@
 //! Lanes that come as a centre line with widths: thinned to the points that matter, with borders on both sides.
 
 use crate::kernel::Vec2;
+use crate::kernel::geom::{beside_piece, needed_points};
 
 /// The half width of a lane whose width is unknown, metres. Given half widths are clamped to the two bounds below,
 /// because recorded widths reach 13 m in junctions.
@@ -54,10 +55,8 @@ pub fn thinned(points: &[Across]) -> Vec<Across> {
     let mut from = 0;
     while from < distinct.len() {
         let to = (from + WINDOW).min(distinct.len() - 1);
-        let mut keep = vec![false; to - from + 1];
-        keep[0] = true;
-        keep[to - from] = true;
-        mark(&distinct[from..=to], &mut keep);
+        let window = &distinct[from..=to];
+        let keep = needed_points(window.len(), |a, b, k| deviation(window[a], window[b], window[k]));
         let last = to == distinct.len() - 1;
         // The last point of a window is the first of the next.
         let count = if last { keep.len() } else { keep.len() - 1 };
@@ -70,30 +69,10 @@ pub fn thinned(points: &[Across]) -> Vec<Across> {
     kept
 }
 
-fn mark(points: &[Across], keep: &mut [bool]) {
-    let mut open = vec![(0, points.len() - 1)];
-    while let Some((from, to)) = open.pop() {
-        let mut worst = (1.0, from);
-        for k in from + 1..to {
-            let excess = deviation(points[from], points[to], points[k]);
-            if excess > worst.0 {
-                worst = (excess, k);
-            }
-        }
-        if worst.1 > from {
-            keep[worst.1] = true;
-            open.push((from, worst.1));
-            open.push((worst.1, to));
-        }
-    }
-}
-
 /// How far a point lies from the straight piece between two others, in tolerances.
 fn deviation(a: Across, b: Across, p: Across) -> f64 {
-    let along = b.centre - a.centre;
-    let length = along.norm_squared();
-    let share = if length > 0.0 { ((p.centre - a.centre).dot(along) / length).clamp(0.0, 1.0) } else { 0.0 };
-    let off = p.centre.distance(a.centre.lerp(b.centre, share)) / TOLERANCE_M;
+    let (off_m, share) = beside_piece(a.centre, b.centre, p.centre);
+    let off = off_m / TOLERANCE_M;
     let width = |from: f64, to: f64, here: f64| (from + (to - from) * share - here).abs() / WIDTH_TOLERANCE_M;
     off.max(width(a.left_m, b.left_m, p.left_m)).max(width(a.right_m, b.right_m, p.right_m))
 }

@@ -375,6 +375,37 @@ pub fn segments_cross(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> bool {
     ((d1 > 0.0) != (d2 > 0.0)) && ((d3 > 0.0) != (d4 > 0.0))
 }
 
+/// How far a point is from the straight piece between two others, metres, and at which share of it, 0..=1, it is nearest.
+pub fn beside_piece(a: Vec2, b: Vec2, point: Vec2) -> (f64, f64) {
+    let along = b - a;
+    let length = along.norm_squared();
+    let share = if length > 0.0 { ((point - a).dot(along) / length).clamp(0.0, 1.0) } else { 0.0 };
+    (point.distance(a.lerp(b, share)), share)
+}
+
+/// Which of `count` points of a line it cannot do without (Ramer 1972; Douglas and Peucker 1973): its ends, and from the worst on those whose
+/// excess over the piece between two kept ones, `excess(from, to, k)`, is above 1.
+pub fn needed_points(count: usize, excess: impl Fn(usize, usize, usize) -> f64) -> Vec<bool> {
+    let mut needed = vec![false; count];
+    let Some(last) = count.checked_sub(1) else { return needed };
+    (needed[0], needed[last]) = (true, true);
+    let mut open = vec![(0, last)];
+    while let Some((from, to)) = open.pop() {
+        let mut worst = (1.0, from);
+        for k in from + 1..to {
+            let excess = excess(from, to, k);
+            if excess > worst.0 {
+                worst = (excess, k);
+            }
+        }
+        if worst.1 > from {
+            needed[worst.1] = true;
+            open.extend([(from, worst.1), (worst.1, to)]);
+        }
+    }
+    needed
+}
+
 /// Whether a point lies inside a polygon (even-odd rule).
 pub fn polygon_contains(polygon: &[Vec2], point: Vec2) -> bool {
     let mut inside = false;

@@ -42,7 +42,7 @@ pub use program::*;
 pub use review::{Advice, Review, Role};
 pub use rules::{
     AcceptanceRequirement, AttackRequirement, FrontOf, GatesAsked, JudgedOn, LabelRules, RealismMean, ReportedBy,
-    Required, Taking, Ties, UnreadableCritic, is_unsaid,
+    Required, Taking, Ties, UnreadableCritic, is_unsaid, is_yes, yes,
 };
 pub use score::{Met, Objectives, RealismSums, SceneFailure, SceneScore, Score, abandoned, realism_name, too_slow};
 pub use value_type::ValueType;

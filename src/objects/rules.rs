@@ -33,6 +33,16 @@ impl<T: Ord> Required<T> {
     }
 }
 
+/// A switch that is on where a file does not say.
+pub fn yes() -> bool {
+    true
+}
+
+/// Whether such a switch is as in a file without the key.
+pub fn is_yes(value: &bool) -> bool {
+    *value
+}
+
 /// Whether a value is that of a file without the key.
 pub fn is_unsaid<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()

@@ -11,8 +11,8 @@ pub use accounts::{
     Outcome, Trace, WithRecording, driving, feasibility, outcome, smooth,
 };
 pub use encounters::{
-    Chance, ContactClass, Fault, Jury, Manoeuvre, Reacted, Reaction, Side, Striker, Timeline, assess, fault, gaps,
-    jury, lateness_s, meeting,
+    Chance, ContactClass, Fault, Jury, Manoeuvre, Reacted, Reaction, Side, Striker, Timeline, assess, avoided_in_words,
+    fault, gaps, jury, lateness_s, meeting,
 };
 pub use prepared::{
     Along, AvoidanceOptions, EgoBox, EgoCar, FollowerStart, Obstacle, Path, Plant, PlantOptions, Scripts, SimError,

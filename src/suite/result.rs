@@ -6,7 +6,7 @@ use super::fault::FaultKind;
 use super::mark::{DriverMark, Selected, SuiteMark};
 use crate::evidence::timeline_text::sentences;
 use crate::kernel::Digest;
-use crate::sim::{ContactClass, End, Fault, Jury, Outcome, Timeline};
+use crate::sim::{ContactClass, End, Fault, Jury, Outcome, Timeline, avoided_in_words};
 
 /// A driver in a suite.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -146,7 +146,7 @@ impl Drive {
                 let whom = if met.adversary { "with the adversary" } else { "with a bystander" };
                 let how = if self.is_preventable() { ", preventable" } else { "" };
                 let how = format!("{how}{}", if self.is_at_fault() == Some(true) { ", at fault" } else { "" });
-                let jury = met.jury.map(|of| format!(", {} of {} drivers avoid it", of.avoid(), of.of()));
+                let jury = met.jury.map(|of| format!(", {}", avoided_in_words([of.avoid(), of.of()])));
                 let how = format!("{how}{}", jury.unwrap_or_default());
                 format!(
                     "{} {whom} after {:.1} s at {:.1} m/s{how}; {completed}",

@@ -46,11 +46,14 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let threads = files::threads(jobs)?;
     let mut read = Vec::new();
     for path in &options.paths {
-        let cases = match suite_file::is_suite(path) {
-            true => suite_file::read(path)?.suite.cases,
-            false => Vec::new(),
+        let (pool, cases) = match suite_file::is_suite(path) {
+            true => {
+                let suite = suite_file::read(path)?.suite;
+                (suite.pool, suite.cases)
+            }
+            false => (files::read(std::slice::from_ref(path), jobs)?, Vec::new()),
         };
-        read.push((path.as_path(), files::read(std::slice::from_ref(path), jobs)?, cases));
+        read.push((path.as_path(), pool, cases));
     }
     let mut all: Vec<Shown<'_>> = Vec::new();
     for (path, pool, cases) in &read {

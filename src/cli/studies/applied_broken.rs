@@ -10,7 +10,7 @@ use crate::evidence::aligned::Aligned;
 use crate::evidence::tables::prevented;
 use crate::objects::replay::Replayed;
 use crate::objects::{SceneFailure, Score};
-use crate::sim::Fault;
+use crate::sim::{Fault, avoided_in_words};
 use crate::text::counted;
 
 /// A scene in which somebody is met.
@@ -66,7 +66,7 @@ fn met(score: &Score) -> BTreeMap<&str, String> {
             };
             let is_at_fault = met.fault.as_deref().and_then(Fault::named).is_some_and(Fault::is_egos);
             let fault = if is_at_fault { ", at fault" } else { "" };
-            let jury = met.avoided_by.map(|[avoid, of]| format!(", {avoid} of {of} drivers avoid it"));
+            let jury = met.avoided_by.map(|of| format!(", {}", avoided_in_words(of)));
             format!("{}{who}{preventable}{fault}{}", met.class, jury.unwrap_or_default())
         });
         (label.scene.as_str(), text)

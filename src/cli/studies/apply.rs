@@ -155,6 +155,9 @@ fn command(options: &Options) -> String {
     for (name, value) in named.into_iter().filter_map(|(name, value)| Some((name, value?))) {
         command.push_str(&format!(" {name} {value}"));
     }
+    if options.at_fault {
+        command.push_str(" --at-fault");
+    }
     command
 }
 

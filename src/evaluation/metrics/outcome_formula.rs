@@ -104,7 +104,6 @@ pub fn outcome_fields() -> impl Iterator<Item = (&'static str, &'static str, &'s
 pub struct OutcomeFormula {
     text: String,
     code: Arc<Compiled>,
-    asks_at_fault: bool,
 }
 
 impl PartialEq for OutcomeFormula {
@@ -134,10 +133,7 @@ impl TryFrom<String> for OutcomeFormula {
             Ok((_, expr)) if expr.names().is_empty() => {
                 "it reads nothing of it, so all scenes would have one value".into()
             }
-            Ok((code, expr)) => {
-                let asks_at_fault = expr.names().iter().any(|name| name.as_str() == AT_FAULT);
-                return Ok(OutcomeFormula { text: expr.to_string(), code: Arc::new(code), asks_at_fault });
-            }
+            Ok((code, expr)) => return Ok(OutcomeFormula { text: expr.to_string(), code: Arc::new(code) }),
             Err(error) => error.to_string(),
         };
         Err(OutcomeFormulaError { text, reason })
@@ -158,7 +154,8 @@ impl OutcomeFormula {
 
     /// Whether it asks who is at fault, which outcomes say only where `simulator.at_fault` is true.
     pub fn asks_at_fault(&self) -> bool {
-        self.asks_at_fault
+        // No other field's name holds this one's.
+        self.text.contains(AT_FAULT)
     }
 
     /// Its value; a truth value is 0 or 1.

@@ -11,7 +11,7 @@ use super::{
     route_completion, slip, speed_of_kind, wrong_way,
 };
 use crate::kernel::num;
-use crate::objects::{RealismMean, is_unsaid};
+use crate::objects::{RealismMean, is_unsaid, is_yes, yes};
 use crate::sim::{AdversaryReport, Outcome};
 
 /// w_j, shares of one.
@@ -66,14 +66,6 @@ pub struct RealismOptions {
     /// Whether an adversary is excused as far as its own recording is poor. The paper has no such rule.
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub excuses_recordings: bool,
-}
-
-fn yes() -> bool {
-    true
-}
-
-fn is_yes(value: &bool) -> bool {
-    *value
 }
 
 /// Options that define no score.

@@ -31,7 +31,12 @@ pub fn assess(
 }
 
 /// How long before a contact the lateness of an evasion is looked for, s.
-pub(super) const LATENESS_MAX_S: f64 = 4.0;
+const LATENESS_MAX_S: f64 = 4.0;
+
+/// Whether the k-th step lies within the time before a contact in which the last chances to avoid it are looked for.
+pub(super) fn is_late(contact: &Contact, k: usize) -> bool {
+    contact.time_s - k as f64 * DT_S <= LATENESS_MAX_S
+}
 
 /// By how much the ego was too late to avoid its contact with an adversary: from the last moment at which an evasion begun there would
 /// have helped to the one at which it could begin, s. Negative where it had time left; `None` where no evasion of the last
@@ -46,19 +51,11 @@ pub fn lateness_s(
     outcome: &Outcome,
 ) -> Result<Option<f64>, SimError> {
     let Some(contact) = outcome.contact.filter(|contact| contact.adversary) else { return Ok(None) };
-    let mut rollout = Driven::begun(plant, intervention, driver)?;
-    let options = &{ rollout.state().plant.options().avoidance };
+    let options = &plant.options().avoidance;
     let mut states: Vec<(usize, ClosedLoop<'_>)> = Vec::new();
-    for k in 0..plant.steps() {
-        rollout.wake(k);
-        if contact.time_s - k as f64 * DT_S <= LATENESS_MAX_S {
-            states.push((k, rollout.fork(k)));
-        }
-        if !rollout.advance(k)? {
-            break;
-        }
-    }
-    let Some(last) = states.last().map(|(k, _)| *k) else { return Ok(None) };
+    let last = relive(&mut Driven::begun(plant, intervention, driver)?, |rollout, k| {
+        states.extend(is_late(&contact, k).then(|| (k, rollout.fork(k))));
+    })?;
     let until = last + in_steps(options.horizon_s);
     let in_time = states.iter().rev().find(|(k, state)| avoids(state, *k, until, options));
     let in_time = in_time.map(|(k, _)| *k as f64 * DT_S);
@@ -90,6 +87,23 @@ pub(in crate::sim) trait Relived<'a> {
 
     /// Carries the k-th step out; `false` where the rollout ends in it.
     fn advance(&mut self, k: usize) -> Result<bool, SimError>;
+}
+
+/// Lives a rollout through to its end, looking at the beginning of every step; gives the last step.
+pub(super) fn relive<'a>(
+    rollout: &mut dyn Relived<'a>,
+    mut look: impl FnMut(&dyn Relived<'a>, usize),
+) -> Result<usize, SimError> {
+    let mut last = 0;
+    for k in 0..rollout.state().plant.steps() {
+        last = k;
+        rollout.wake(k);
+        look(rollout, k);
+        if !rollout.advance(k)? {
+            break;
+        }
+    }
+    Ok(last)
 }
 
 /// A rollout of our own, driven again.
@@ -192,22 +206,17 @@ fn look_back<'a>(
     let mut watch = ThreatWatch::new(options, adversary);
     let reaction = in_steps(options.reaction_s);
     let mut look_back = LookBack { contact: 0, visible: None, fork: None };
-    for k in 0..rollout.state().plant.steps() {
-        look_back.contact = k;
-        rollout.wake(k);
-        look_back.visible = watch.visible_since(rollout.state(), k);
+    look_back.contact = relive(rollout, |rollout, k| {
         if let Some(watchers) = &mut watchers {
             watchers.look(rollout, k);
         }
+        look_back.visible = watch.visible_since(rollout.state(), k);
         match look_back.visible {
             Some(visible) if visible + reaction < k => {}
             Some(visible) if visible + reaction == k => look_back.fork = Some((k, rollout.fork(k))),
             _ => look_back.fork = None,
         }
-        if !rollout.advance(k)? {
-            break;
-        }
-    }
+    })?;
     Ok(look_back)
 }
 

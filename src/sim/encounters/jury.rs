@@ -9,7 +9,7 @@ use crate::sim::road_users::driver::Driver;
 use crate::sim::road_users::intervention::Intervention;
 use crate::sim::rollouts::closed_loop::ClosedLoop;
 
-use super::avoidance::{Driven, Relived, stays_clear};
+use super::avoidance::{Driven, Relived, relive, stays_clear};
 use super::class::{ContactClass, PATH_CLEARANCE_M};
 use super::evasion::{Evasion, Manoeuvre};
 use super::threat::in_steps;
@@ -304,15 +304,7 @@ pub fn jury(
     }
     let mut rollout = Driven::begun(plant, intervention, driver)?;
     let mut watchers = Watchers::of(&contact, rollout.state());
-    let mut last = 0;
-    for k in 0..plant.steps() {
-        last = k;
-        rollout.wake(k);
-        watchers.look(&rollout, k);
-        if !rollout.advance(k)? {
-            break;
-        }
-    }
+    let last = relive(&mut rollout, |rollout, k| watchers.look(rollout, k))?;
     Ok(Some(watchers.jury(contact.avoidable, last + in_steps(plant.options().avoidance.horizon_s))))
 }
 

@@ -23,4 +23,4 @@ pub use fault::Fault;
 pub use jury::jury;
 pub use timeline::{Chance, Reacted, Reaction, Timeline};
 pub use touch::{Side, Striker};
-pub use verdict::Jury;
+pub use verdict::{Jury, avoided_in_words};

@@ -13,7 +13,7 @@ use crate::sim::road_users::driver::Driver;
 use crate::sim::road_users::intervention::Intervention;
 use crate::sim::rollouts::closed_loop::ClosedLoop;
 
-use super::avoidance::{Driven, LATENESS_MAX_S, Relived, helps};
+use super::avoidance::{Driven, Relived, helps, is_late, relive};
 use super::class::ContactClass;
 use super::evasion::Manoeuvre;
 use super::threat::{ThreatWatch, in_steps, place_of};
@@ -115,18 +115,11 @@ pub(in crate::sim) fn timeline_relived<'a>(
     let mut moments: Vec<Moment> = Vec::new();
     let mut states: Vec<(usize, ClosedLoop<'a>)> = Vec::new();
     let mut visible = None;
-    for k in 0..rollout.state().plant.steps() {
-        rollout.wake(k);
+    let last = relive(rollout, |rollout, k| {
         visible = watch.visible_since(rollout.state(), k);
         moments.push(moment(rollout.state(), k, contact));
-        if contact.time_s - k as f64 * DT_S <= LATENESS_MAX_S {
-            states.push((k, rollout.fork(k)));
-        }
-        if !rollout.advance(k)? {
-            break;
-        }
-    }
-    let last = moments.len().saturating_sub(1);
+        states.extend(is_late(contact, k).then(|| (k, rollout.fork(k))));
+    })?;
     let until = last + in_steps(options.horizon_s);
     let last_helpful =
         |by: Manoeuvre| states.iter().rev().find(|(k, state)| helps(state, (*k, until), by, options)).map(|of| of.0);

@@ -20,6 +20,11 @@ pub struct Jury {
     pub fuzzy: Option<bool>,
 }
 
+/// So many of so many drivers, in words.
+pub fn avoided_in_words([avoid, of]: [usize; 2]) -> String {
+    format!("{avoid} of {of} drivers avoid it")
+}
+
 impl Jury {
     fn all(&self) -> impl Iterator<Item = bool> {
         [self.careful, self.reg157, self.human_driver, self.fuzzy].into_iter().flatten()

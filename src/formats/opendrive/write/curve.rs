@@ -1,6 +1,7 @@
 //! A lane's centre as a smooth reference line: straight lines where the lane is straight, else parametric cubics
 //! through its important points, with the lane's half widths along it.
 
+use crate::kernel::geom::beside_piece;
 use crate::kernel::{Vec2, num};
 use crate::scene::Lane;
 
@@ -202,10 +203,7 @@ fn thinned(stations: &[Station]) -> Vec<Station> {
 }
 
 fn off(a: &Station, b: &Station, station: &Station) -> f64 {
-    let chord = b.point - a.point;
-    let length = chord.norm_squared();
-    let share = if length > 0.0 { ((station.point - a.point).dot(chord) / length).clamp(0.0, 1.0) } else { 0.0 };
-    let line = station.point.distance(a.point.lerp(b.point, share));
+    let (line, share) = beside_piece(a.point, b.point, station.point);
     let width = |of: fn(&Station) -> f64| (of(station) - (of(a) + share * (of(b) - of(a)))).abs();
     line.max(width(|s| s.left_m)).max(width(|s| s.right_m))
 }

@@ -12,6 +12,7 @@ mod paper_page;
 const TABLE: &[(&str, &str)] = &[
     ("kernel", ""),
     ("text", ""),
+    ("statistics", "kernel"),
     ("store", "kernel"),
     ("scene", "kernel"),
     ("synth", "kernel scene"),
@@ -46,11 +47,26 @@ const TABLE: &[(&str, &str)] = &[
         "experiment",
         "kernel text store scene formats synth sim ego learn backend objects llm adapters stage families agents world evaluation archive memory epoch",
     ),
-    ("evidence", "kernel text store scene draw sim objects evaluation archive lineage world"),
+    ("evidence", "kernel text statistics store scene draw sim objects evaluation archive lineage world"),
     ("shard", "kernel store sim backend objects adapters evaluation epoch"),
     ("bundle", "kernel store"),
-    ("suite", "kernel scene draw sim objects evidence"),
+    ("suite", "kernel statistics scene draw sim objects"),
     ("cli", "*"),
+];
+
+/// Crate -> its rooms. The compiler holds the walls between crates, this test those inside one.
+const CRATES: &[(&str, &str)] = &[
+    ("core", "kernel text statistics store scene synth objects"),
+    ("sim", "sim ego learn backend"),
+    ("lang", "adapters candidates"),
+    ("generators", "motion stage search families compiler"),
+    ("formats", "formats draw"),
+    ("models", "llm agents scripted"),
+    ("stages", "archive lineage memory world"),
+    ("packs", "suite bundle"),
+    ("labels", "evaluation"),
+    ("evolve", "epoch experiment shard"),
+    ("lab", "evidence"),
 ];
 
 /// Effect -> the words that betray it, and the places where it may live.
@@ -67,7 +83,8 @@ const EFFECTS: &[(&str, &[&str], &[&str])] = &[
     ("terminal", &["println!", "print!(", "stdin()", "stdout()", "stderr()"], &["cli/", "main.rs"]),
 ];
 
-fn source_files() -> Vec<(String, String)> {
+/// Every source file: its path below `src`, which begins with its crate, and its text.
+fn sources() -> Vec<(String, String)> {
     fn walk(dir: &Path, found: &mut Vec<PathBuf>) {
         for entry in std::fs::read_dir(dir).expect("src can be listed") {
             let path = entry.expect("an entry of src").path();
@@ -82,17 +99,22 @@ fn source_files() -> Vec<(String, String)> {
     let mut found = Vec::new();
     walk(&root, &mut found);
     found.sort();
-    let texts: Vec<(PathBuf, String)> =
-        found.into_iter().map(|path| (path.clone(), std::fs::read_to_string(&path).expect("a source file"))).collect();
-    let test_only: BTreeSet<PathBuf> = texts.iter().flat_map(|(path, text)| test_modules(path, text)).collect();
-    texts
-        .into_iter()
-        .filter(|(path, _)| !test_only.iter().any(|test| path == test || path.starts_with(test.with_extension(""))))
-        .map(|(path, text)| {
-            let name = path.strip_prefix(&root).expect("below src").to_string_lossy().replace('\\', "/");
-            (name, without_tests_and_comments(&text))
-        })
-        .collect()
+    let name = |path: &Path| path.strip_prefix(&root).expect("below src").to_string_lossy().replace('\\', "/");
+    found.iter().map(|path| (name(path), std::fs::read_to_string(path).expect("a source file"))).collect()
+}
+
+/// Path below its crate (`sim/rollouts/episode.rs`) and text of what is no test.
+fn source_files() -> Vec<(String, String)> {
+    let sources = sources();
+    let test_only: BTreeSet<PathBuf> =
+        sources.iter().flat_map(|(path, text)| test_modules(Path::new(path), text)).collect();
+    let is_test = |path: &Path| test_only.iter().any(|test| path == test || path.starts_with(test.with_extension("")));
+    let kept = sources.iter().filter(|(path, _)| !is_test(Path::new(path)));
+    kept.map(|(path, text)| {
+        let (_, below) = path.split_once('/').expect("a file of a crate");
+        (below.to_string(), without_tests_and_comments(text))
+    })
+    .collect()
 }
 
 /// What marks an item that no user's build contains: tests, and what the engine shows to tests of the crate above it.
@@ -196,6 +218,38 @@ fn no_room_may_import_what_it_does_not_use() {
     };
     let idle: Vec<String> = TABLE.iter().flat_map(idle).collect();
     assert!(idle.is_empty(), "allowances that nobody uses:\n{}", idle.join("\n"));
+}
+
+/// Crates that a crate names in its manifest, its own name among them.
+fn crates_of(name: &str) -> BTreeSet<String> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("src").join(name).join("Cargo.toml");
+    let manifest: toml::Table = std::fs::read_to_string(path).expect("a manifest").parse().expect("TOML");
+    let named = manifest["dependencies"].as_table().expect("dependencies").keys();
+    named.filter_map(|name| name.strip_prefix("evodrive-")).map(str::to_string).chain([name.to_string()]).collect()
+}
+
+#[test]
+fn of_the_walls_between_rooms_the_compiler_holds_two_thirds() {
+    let home: BTreeMap<&str, &str> =
+        CRATES.iter().flat_map(|(name, rooms)| rooms.split_whitespace().map(|room| (room, *name))).collect();
+    let folders: BTreeSet<(String, String)> = sources()
+        .iter()
+        .filter_map(|(path, _)| Some((path.split('/').next()?.to_string(), path.split('/').nth(1)?.to_string())))
+        .filter(|(name, room)| name != "evodrive" && !room.ends_with(".rs"))
+        .collect();
+    let listed = home.iter().map(|(room, name)| (name.to_string(), room.to_string())).collect();
+    assert_eq!(folders, listed, "rooms in the folders of their crates");
+    let reached: BTreeMap<&str, BTreeSet<String>> = CRATES.iter().map(|(name, _)| (*name, crates_of(name))).collect();
+    let (mut forbidden, mut held) = (0, 0);
+    for (room, may) in TABLE.iter().filter(|(room, _)| home.contains_key(room)) {
+        for (other, _) in TABLE.iter().filter(|(other, _)| other != room && home.contains_key(other)) {
+            if !may.split_whitespace().any(|name| name == *other) {
+                forbidden += 1;
+                held += u32::from(!reached[home[room]].contains(home[other]));
+            }
+        }
+    }
+    assert!(held * 3 >= forbidden * 2, "{held} of {forbidden} walls are held by crates");
 }
 
 #[test]
@@ -325,9 +379,7 @@ fn only_the_feature_live_brings_network_code_into_a_build() {
 
 #[test]
 fn every_file_opens_with_what_it_is() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    for (file, _) in source_files() {
-        let text = std::fs::read_to_string(root.join(&file)).expect("a source file");
+    for (file, text) in sources().iter().filter(|(file, _)| !file.ends_with("tests.rs")) {
         assert!(text.starts_with("//!"), "{file} does not open with a //! sentence");
     }
 }

@@ -16,7 +16,10 @@ mod values;
 
 use sites::Site;
 
-const ROOMS: [&str; 5] = ["archive", "evaluation", "candidates", "world", "store"];
+/// By their folder; the mutants name the last part.
+const ROOMS: [&str; 5] = ["stages/archive", "labels/evaluation", "lang/candidates", "stages/world", "core/store"];
+const CRATES: [&str; 12] =
+    ["core", "sim", "lang", "generators", "formats", "models", "stages", "labels", "packs", "evolve", "lab", "evodrive"];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -27,20 +30,22 @@ fn main() -> Result<(), Box<dyn Error>> {
         Err(_) => BTreeSet::new(),
     };
     let mut mutants = Mutants { unfit, count: 0, lines: String::new() };
-    for room in ROOMS {
-        for path in sources(&Path::new("src").join(room))? {
+    for folder in ROOMS {
+        let room = folder.rsplit('/').next().unwrap_or(folder);
+        for path in sources(&Path::new("src").join(folder))? {
             let text = fs::read_to_string(&path)?;
             let found = sites::of_file(&text).map_err(|error| format!("{}: {error}", path.display()))?;
             fs::write(tree.join(&path), mutants.rewritten(&text, found, room, &path))?;
         }
     }
-    let kernel = fs::read_to_string("src/kernel/mod.rs")?;
-    fs::write(tree.join("src/kernel/mod.rs"), format!("{kernel}\npub mod switch;\npub use switch::mutated;\n"))?;
-    fs::write(tree.join("src/kernel/switch.rs"), include_str!("switch.rs"))?;
+    let kernel = fs::read_to_string("src/core/kernel/mod.rs")?;
+    fs::write(tree.join("src/core/kernel/mod.rs"), format!("{kernel}\npub mod switch;\npub use switch::mutated;\n"))?;
+    fs::write(tree.join("src/core/kernel/switch.rs"), include_str!("switch.rs"))?;
     // The copy is full of brackets that nobody needs, and a sum that must overflow shall do so when the mutant is on.
     let allowed = "#![allow(warnings, arithmetic_overflow, unconditional_panic)]";
-    for root in ["src/engine.rs", "src/io.rs", "src/conduct.rs", "src/lib.rs"] {
-        fs::write(tree.join(root), format!("{allowed}\n{}", fs::read_to_string(root)?))?;
+    for name in CRATES {
+        let root = format!("src/{name}/lib.rs");
+        fs::write(tree.join(&root), format!("{allowed}\n{}", fs::read_to_string(&root)?))?;
     }
     fs::write(list, mutants.lines)?;
     Ok(println!("{} mutants, {} of them unfit", mutants.count, mutants.unfit.len()))

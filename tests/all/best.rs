@@ -56,7 +56,7 @@ fn the_most_severe_rollouts_are_of_any_program_and_their_commands_play_them_at_t
     let command = words(rows[0]["play"].as_str().unwrap(), page.to_str().unwrap());
     let shown = run(&command.iter().map(String::as_str).collect::<Vec<_>>());
     assert_eq!(shown.code, 0, "{}", shown.stderr);
-    let expected = format!("at {:.1} s of the scene, {:.1} m/s", number(&rows[0], "at_s"), speeds[0]);
+    let expected = format!("after {:.1} s, {:.1} m/s", number(&rows[0], "at_s"), speeds[0]);
     assert!(shown.stdout.contains(&expected), "{expected}: {}", shown.stdout.lines().next().unwrap());
     assert!(std::fs::read_to_string(page).unwrap().contains("EvoPlayer.mount"));
 }
@@ -291,7 +291,7 @@ fn parent_and_replay_are_drawn_as_attempts_are_and_a_strip_has_the_same_bytes_ea
         assert!(ran.code == 2 && ran.stderr.contains(expected) && !path.exists(), "{more:?}: {}", ran.stderr);
     };
     refused(&["--frames", "0"], "expected 1 to 24 panels");
-    refused(&["--at", "500"], "expected seconds of the scene");
+    refused(&["--at", "500"], "expected seconds from the first simulated step");
     refused(&["--around", "-3"], "expected 0 to 1000 metres");
 }
 

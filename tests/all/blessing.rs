@@ -4,7 +4,7 @@ use crate::harness::{copy_dir, home, run};
 use crate::quickstart::copied;
 
 #[test]
-fn a_piece_that_was_damaged_is_blessed_alone_and_only_of_the_runs_of_the_goldens() {
+fn a_piece_that_was_damaged_is_blessed_alone_and_with_all_of_its_run_where_that_has_moved() {
     let dir = tempfile::tempdir().unwrap();
     let (golden, runs) = (dir.path().join("golden"), dir.path().join("runs"));
     copy_dir(&home().join("golden/paper"), &golden.join("paper"));
@@ -31,13 +31,23 @@ fn a_piece_that_was_damaged_is_blessed_alone_and_only_of_the_runs_of_the_goldens
     let provenance = String::from_utf8(read("provenance.toml")).unwrap();
     let root = crate::quickstart::golden_root();
     assert!(provenance.contains(&root));
+    // Of a run that has moved every piece is made, so that no two goldens show two roots of it.
+    let surface = read("quickstart-patch-surface.svg");
     damaged("provenance.toml", &root, &"0".repeat(64));
-    let refused = bless("quickstart-credit");
+    damaged("quickstart-patch-surface.svg", "<svg", "<!-- older --><svg");
+    let moved = bless("quickstart-credit");
     assert!(
-        refused.code == 2 && refused.stderr.contains("run quickstart: expected the root 000"),
+        moved.code == 0 && moved.stdout.contains("another root than the goldens had: quickstart"),
         "{}",
-        refused.stderr
+        moved.stderr
     );
+    assert!(
+        touched[..2].iter().map(|name| read(name)).eq(before[..2].iter().cloned()),
+        "the same run, the same pieces"
+    );
+    assert!(read("quickstart-patch-surface.svg") == surface, "another piece of the run");
+    let now = String::from_utf8(read("provenance.toml")).unwrap();
+    assert!(now.contains(&root) && now.contains("[older]\nclaims = [\"quickstart\"]"), "{now}");
     let both = run(&["paper", "--bless", "--figure", "quickstart-credit", "--out", dir.path().to_str().unwrap()]);
     assert!(both.code == 2 && both.stderr.contains("one of the two"), "{}", both.stderr);
     assert_eq!(run(&["paper", "--check", "--bless"]).code, 2);

@@ -165,9 +165,10 @@ fn long_name(dir: &Path) -> Result<(), String> {
         refused(&here(dir, args), 2, &[]).map_err(|seen| format!("{}: {seen}", args[0]))?;
     }
     // Nothing was computed for a file that cannot be written.
-    match dir.join("runs").exists() {
-        true => Err("a run was begun".into()),
-        false => refused(&here(dir, &["record", &path, "--cassette", &out]), 2, &["choose a shorter name"]),
+    if dir.join("runs").exists() {
+        Err("a run was begun".into())
+    } else {
+        refused(&here(dir, &["record", &path, "--cassette", &out]), 2, &["choose a shorter name"])
     }
 }
 
@@ -362,12 +363,11 @@ fn recorded(dir: &Path) -> (PathBuf, String) {
 fn state(dir: &Path) -> Vec<(PathBuf, Vec<u8>, std::time::SystemTime)> {
     let mut all = Vec::new();
     for entry in std::fs::read_dir(dir).unwrap().map(|entry| entry.unwrap().path()) {
-        match entry.is_dir() {
-            true => all.extend(state(&entry)),
-            false => {
-                let changed = entry.metadata().unwrap().modified().unwrap();
-                all.push((entry.clone(), std::fs::read(&entry).unwrap(), changed));
-            }
+        if entry.is_dir() {
+            all.extend(state(&entry))
+        } else {
+            let changed = entry.metadata().unwrap().modified().unwrap();
+            all.push((entry.clone(), std::fs::read(&entry).unwrap(), changed));
         }
     }
     all.sort();

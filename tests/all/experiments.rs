@@ -597,9 +597,8 @@ fn init_fits_the_split_to_ones_own_scenes_and_the_experiment_runs() {
 fn the_cassettes_of_the_repository_stay_small() {
     fn bytes(dir: &Path) -> u64 {
         let entries = std::fs::read_dir(dir).unwrap().map(|entry| entry.unwrap());
-        let of = |entry: std::fs::DirEntry| match entry.file_type().unwrap().is_dir() {
-            true => bytes(&entry.path()),
-            false => entry.metadata().unwrap().len(),
+        let of = |entry: std::fs::DirEntry| {
+            if entry.file_type().unwrap().is_dir() { bytes(&entry.path()) } else { entry.metadata().unwrap().len() }
         };
         entries.map(of).sum()
     }

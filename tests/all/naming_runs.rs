@@ -43,8 +43,8 @@ const COMMANDS: &[(&str, &str, &str)] = &[
 /// What can be done once only; `shards` names its run.
 const ONCE: &str = "shard withdraw";
 
-/// Takes any number of runs beside other sources, and so as an option alone.
-const OPTION_ALONE: &str = "suite freeze";
+/// Take any number of runs beside other things, and so as an option alone.
+const OPTION_ALONE: [&str; 2] = ["suite freeze", "transfer"];
 
 /// Those that set two runs side by side.
 const OF_TWO: [&str; 3] = ["compare", "diff", "agree"];
@@ -115,6 +115,7 @@ fn the_table_holds_every_command_that_names_a_run() {
     let help = text("golden/help.txt");
     let sections = help.split("\n---- evodrive ").skip(1).filter_map(|section| section.split_once(" --help\n"));
     let with_option = sections.filter(|(_, text)| text.contains("--run <RUN>")).map(|(command, _)| command);
-    let known: BTreeSet<&str> = COMMANDS.iter().map(|(command, _, _)| *command).chain([ONCE, OPTION_ALONE]).collect();
+    let known: BTreeSet<&str> =
+        COMMANDS.iter().map(|(command, _, _)| *command).chain([ONCE]).chain(OPTION_ALONE).collect();
     assert_eq!(with_option.collect::<BTreeSet<_>>(), known);
 }

@@ -329,6 +329,8 @@ fn help_texts_are_goldens() {
         "train",
         "downstream",
         "egos",
+        "transfer",
+        "harden",
         "ask",
     ] {
         text += &format!("\n---- evodrive {command} --help\n{}", run(&[command, "--help"]).stdout);

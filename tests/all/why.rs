@@ -2,7 +2,7 @@
 
 use evodrive::evaluation::{EvaluationOptions, RolloutRecord, scene_score};
 use evodrive::evidence::impact::{self, How};
-use evodrive::evidence::tables::{self, Bases, Table};
+use evodrive::evidence::tables::{self, Derivations, Table};
 use evodrive::evidence::{RecordedRun, cell};
 use evodrive::experiment::Experiment;
 use evodrive::kernel::Digest;
@@ -37,7 +37,7 @@ fn all_tables(runs: &[RecordedRun]) -> Vec<Table> {
 fn every_number_comes_from_its_parts(runs: &[RecordedRun]) -> usize {
     let mut cells = 0;
     for table in all_tables(runs) {
-        let bases = Bases::of(&table, runs).unwrap();
+        let bases = Derivations::of(&table, runs).unwrap();
         for row in table.rows() {
             for cell in &row.cells {
                 let name = cell::cell_name(&table, row, &cell.column);
@@ -257,7 +257,7 @@ fn leaves(recorded_run: &RecordedRun) -> Leaves {
     let runs = std::slice::from_ref(recorded_run);
     let mut found = Leaves::new();
     for table in all_tables(runs) {
-        let bases = Bases::of(&table, runs).unwrap();
+        let bases = Derivations::of(&table, runs).unwrap();
         for row in table.rows() {
             for cell in row.cells.iter().filter(|cell| cell.ours.is_some()) {
                 let basis = bases.basis(&table, row, cell.column.key).unwrap();

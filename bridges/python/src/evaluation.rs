@@ -8,7 +8,7 @@ use evodrive::ego::Policy;
 use evodrive::epoch::{Applied, SceneEntry};
 use evodrive::experiment::ProgramFile;
 use evodrive::kernel::{Seed, Threads};
-use evodrive::learn::{Standing, figures};
+use evodrive::learn::{Stopped, figures};
 use evodrive::sim::{Driver, Intervention, Outcome, rollout};
 
 use crate::policy::driver;
@@ -58,7 +58,7 @@ fn driven(stage: &Stage, planned: &Planned, policy: &Policy, stands: bool, threa
     let nothing = Intervention::default();
     let outcomes = threads.map(&places, |_, &place| {
         let act = planned[place].as_ref().map_or(&nothing, |act| &**act);
-        let mut driver: Box<dyn Driver> = if stands { Box::new(Standing) } else { policy.driver() };
+        let mut driver: Box<dyn Driver> = if stands { Box::new(Stopped) } else { policy.driver() };
         rollout(&stage.plants[place], act, driver.as_mut())
     });
     let outcomes = outcomes.into_iter().collect::<Result<Vec<Outcome>, _>>().map_err(broken)?;

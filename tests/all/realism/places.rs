@@ -277,9 +277,10 @@ fn who_follows_a_recording_that_goes_across_is_excused_as_far_as_the_recording_g
     scene.tracks.push(Track { id, kind, length_m: 4.6, width_m: 1.9, samples: recorded_too });
     let plant = prepared(&scene);
     let found = |samples: Vec<Sample>, follows: bool| {
-        let action = match follows {
-            true => Action::Follow { track, from_step, samples },
-            false => Action::Insert { kind, length_m: 4.6, width_m: 1.9, from_step, samples },
+        let action = if follows {
+            Action::Follow { track, from_step, samples }
+        } else {
+            Action::Insert { kind, length_m: 4.6, width_m: 1.9, from_step, samples }
         };
         let act = Intervention { actions: vec![action] };
         let outcome = rollout(&plant, &act, Policy::Replay.driver().as_mut()).unwrap();

@@ -12,10 +12,7 @@ impl Driver for From {
     fn begin(&mut self, _: &Plant) {}
 
     fn decide(&mut self, view: &View<'_>) -> Control {
-        match view.decision() >= self.0 {
-            true => self.1,
-            false => Control::Drive { acceleration_mps2: 0.0, steering_rad: 0.0 },
-        }
+        if view.decision() >= self.0 { self.1 } else { Control::Drive { acceleration_mps2: 0.0, steering_rad: 0.0 } }
     }
 }
 

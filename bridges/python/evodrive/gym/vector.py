@@ -63,7 +63,7 @@ class VecEnv(VectorEnv):
     reward       MetaDriveReward(...) or SafeBenchReward(...); without it MetaDriveReward()
     autoreset    "same_step", "next_step" or "disabled", as in Gymnasium
     seed         of the first reset: environment i draws by seed + i
-    preventable  whether `info` says of contacts with an adversary if they could have been avoided, for which the episode is
+    preventable  whether `info` says of contacts with an adversary if a careful ego would have prevented them, for which the episode is
                  simulated once more when it ends
     keep         whether `episode(i)` gives the last episode of an environment as a rollout to be drawn and labelled
     copy         whether observations and infos are the caller's own, as in Gymnasium's vector environments. With False they are

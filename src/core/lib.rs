@@ -1,0 +1,17 @@
+//! What determinism and records rest on, and the nouns: float functions, random streams and canonical bytes, all disk, scenes
+//! recorded or generated, and what travels between the rooms above.
+
+#![forbid(unsafe_code)]
+
+#[cfg_attr(not(test), warn(missing_docs))]
+pub mod kernel;
+#[cfg_attr(not(test), warn(missing_docs))]
+pub mod objects;
+#[cfg_attr(not(test), warn(missing_docs))]
+pub mod scene;
+pub mod statistics;
+#[cfg_attr(not(test), warn(missing_docs))]
+pub mod store;
+#[cfg_attr(not(test), warn(missing_docs))]
+pub mod synth;
+pub mod text;

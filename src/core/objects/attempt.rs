@@ -1,0 +1,472 @@
+//! The record of one proposal, however it ended. Sealed once, never changed.
+
+use serde::{Deserialize, Serialize};
+
+use super::{
+    ids::{AttemptId, CardId, LineageId, SolutionId},
+    patch::ProgramPatch,
+    program::Program,
+    review::{Review, Role},
+    score::{Objectives, Score},
+};
+use crate::kernel::Digest;
+
+/// One proposal from the first prompt to the archive's decision.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Attempt {
+    /// Lineage, epoch and slot in one name.
+    pub id: AttemptId,
+    /// The lineage that it was proposed in.
+    pub lineage: LineageId,
+    /// Epoch, from 0.
+    pub epoch: u32,
+    /// Place among the proposals of its epoch, from 0.
+    pub slot: u32,
+    /// The program that it wanted to change.
+    pub parent: SolutionId,
+    /// Hash of that program's content.
+    pub parent_hash: Digest,
+    /// What the search was asked for in this slot.
+    pub target: String,
+    /// Cards that the actor was shown.
+    pub memory_shown: Vec<CardId>,
+    /// What the agents said and answered.
+    pub proposal: Proposal,
+    /// How far it came.
+    pub exit: Exit,
+}
+
+/// What the role loop did (paper, algorithm actor_critic_mutation).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Proposal {
+    /// Every question that was asked, in order.
+    pub exchanges: Vec<Exchange>,
+    /// Round 0 is the actor's patch; later ones are repairs.
+    pub rounds: Vec<Round>,
+}
+
+/// One question to a model and the bytes that came back.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Exchange {
+    /// Who was asked.
+    pub role: Role,
+    /// Repair round, from 0: the actor's own proposal is round 0.
+    pub round: u32,
+    /// Key of the request.
+    pub request: Digest,
+    /// Digest of the raw response bytes.
+    pub response: Digest,
+    /// Name of the model as the experiment file has it.
+    pub model: String,
+    /// Digest of what the provider said about the answer, where it said something and the recording seals it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub metadata: Option<Digest>,
+    /// What was taken off around the reply before it was read, where the model's options say so.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unwrapped: Vec<String>,
+    /// Why the reply could not be used, if so.
+    pub refusal: Option<String>,
+}
+
+/// One patch and what the critics said about it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Round {
+    /// The patch as parsed; `None` where the answer held none.
+    pub patch: Option<ProgramPatch>,
+    /// One review a critic, in the order in which they were asked; a critic without a readable answer has none.
+    pub reviews: Vec<Review>,
+}
+
+impl Proposal {
+    /// The last patch that could be parsed.
+    pub fn patch(&self) -> Option<&ProgramPatch> {
+        self.rounds.iter().rev().find_map(|round| round.patch.as_ref())
+    }
+}
+
+/// The four exits: how far a patch came.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "exit")]
+pub enum Exit {
+    /// No usable patch came out of the role loop.
+    Declined {
+        /// Why there is no usable patch.
+        reason: String,
+    },
+    /// A gate failed; nothing was simulated.
+    Invalid {
+        /// What each gate said.
+        gates: GateReport,
+    },
+    /// The world evaluator judged it not worth a rollout.
+    Rejected {
+        /// What each gate said.
+        gates: GateReport,
+        /// The admitted child.
+        candidate: Box<Candidate>,
+        /// Why the world evaluator judged a rollout not worth its cost.
+        route: Route,
+    },
+    /// It has labels from the simulator.
+    Evaluated {
+        /// What each gate said.
+        gates: GateReport,
+        /// The admitted child.
+        candidate: Box<Candidate>,
+        /// Why it was simulated.
+        route: Route,
+        /// What the rollouts measured.
+        score: Score,
+        /// What the archive made of the score.
+        decision: Decision,
+    },
+}
+
+impl Exit {
+    /// The word for it in events, reports and counts.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Exit::Declined { .. } => "declined",
+            Exit::Invalid { .. } => "invalid",
+            Exit::Rejected { .. } => "rejected",
+            Exit::Evaluated { .. } => "evaluated",
+        }
+    }
+
+    /// The admitted child; `None` if the gates did not admit one.
+    pub fn candidate(&self) -> Option<&Candidate> {
+        match self {
+            Exit::Declined { .. } | Exit::Invalid { .. } => None,
+            Exit::Rejected { candidate, .. } | Exit::Evaluated { candidate, .. } => Some(candidate),
+        }
+    }
+
+    /// What the gates said; `None` where no gate was reached.
+    pub fn gates(&self) -> Option<&GateReport> {
+        match self {
+            Exit::Declined { .. } => None,
+            Exit::Invalid { gates } | Exit::Rejected { gates, .. } | Exit::Evaluated { gates, .. } => Some(gates),
+        }
+    }
+
+    /// Where the world evaluator sent it; `None` before that stage.
+    pub fn route(&self) -> Option<&Route> {
+        match self {
+            Exit::Declined { .. } | Exit::Invalid { .. } => None,
+            Exit::Rejected { route, .. } | Exit::Evaluated { route, .. } => Some(route),
+        }
+    }
+
+    /// What the rollouts measured; `None` where there were none.
+    pub fn score(&self) -> Option<&Score> {
+        match self {
+            Exit::Evaluated { score, .. } => Some(score),
+            _ => None,
+        }
+    }
+
+    /// What the archive decided; `None` without a score.
+    pub fn decision(&self) -> Option<&Decision> {
+        match self {
+            Exit::Evaluated { decision, .. } => Some(decision),
+            _ => None,
+        }
+    }
+}
+
+/// The gates, in the order in which they run: the paper's seven (eq. app-validation-gates), and one that turns away a child
+/// that does what its parent does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Gate {
+    /// The patch has the required fields, with values of the right type.
+    Schema,
+    /// The patch names this parent and its hash.
+    Parent,
+    /// The child obeys its family's contract (I_b).
+    Interface,
+    /// Nothing in the patch belongs to another family.
+    Isolation,
+    /// The patch touches nothing that is protected: ego, scenes, metrics, acceptor.
+    Protected,
+    /// Every mechanism of the child can be parsed, typed and bounded.
+    Mechanism,
+    /// The child compiles on the probe scenes.
+    Compile,
+    /// The compiled interventions differ from the parent's on some probe scene.
+    Effect,
+}
+
+impl Gate {
+    /// How many there are: the paper's seven, and the no-effect gate.
+    pub const COUNT: usize = 8;
+
+    /// What people call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Gate::Schema => "schema",
+            Gate::Parent => "parent",
+            Gate::Interface => "interface",
+            Gate::Isolation => "isolation",
+            Gate::Protected => "protected",
+            Gate::Mechanism => "mechanism",
+            Gate::Compile => "compile",
+            Gate::Effect => "effect",
+        }
+    }
+}
+
+/// All verdicts. A gate that could not run because an earlier one left nothing to check fails too, except for the last,
+/// which judges only what was compiled.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GateReport {
+    /// One verdict a gate, in the order in which the gates ran.
+    pub verdicts: Vec<GateVerdict>,
+}
+
+impl GateReport {
+    /// Whether every gate let it through.
+    pub fn passed(&self) -> bool {
+        self.verdicts.len() == Gate::COUNT && self.verdicts.iter().all(|v| v.problems.is_empty())
+    }
+
+    /// The gates that did not, in their order.
+    pub fn failed(&self) -> impl Iterator<Item = &GateVerdict> {
+        self.verdicts.iter().filter(|v| !v.problems.is_empty())
+    }
+}
+
+/// What one gate said.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GateVerdict {
+    /// Which gate.
+    pub gate: Gate,
+    /// Empty = passed. Each says place, what was found, what is expected.
+    pub problems: Vec<String>,
+}
+
+/// An admitted child program.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Candidate {
+    /// The child.
+    pub program: Program,
+    /// Hash of the child's content.
+    pub program_hash: Digest,
+    /// Digest of the patch that made it.
+    pub patch_hash: Digest,
+    /// Tags of its mechanisms, sorted, without repeats.
+    pub mechanism_tags: Vec<String>,
+}
+
+/// What the world evaluator predicted and decided (paper eq. method-routing).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Route {
+    /// d_φ: simulate or not.
+    pub decision: RouteDecision,
+    /// Why, in words for people.
+    pub reason: String,
+    /// Digest of the world snapshot that decided.
+    pub snapshot: Digest,
+    /// The parent's labels with the predicted difference (paper F̂_φ).
+    pub predicted: Objectives,
+    /// Û_φ: half width of the wider one of the two intervals around that prediction.
+    pub uncertainty: f64,
+    /// Half widths of the intervals for attack and realism.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub half_width: Option<Objectives>,
+    /// What candidates are ranked by: the predicted gain against the parent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rank_score: Option<f64>,
+    /// Of a candidate that was simulated because it was drawn: for how many of those drawn from it stands.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weight: Option<f64>,
+    /// What a pilot showed before candidates were ranked; the rank score holds it, the prediction does not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pilot: Option<Pilot>,
+}
+
+/// Rollouts of a candidate in a few scenes, made before candidates are ranked.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pilot {
+    /// Ids of the scenes that were simulated, in the order in which the pilot takes them.
+    pub scenes: Vec<String>,
+    /// Mean over those that have labels of candidate and parent: attack and realism less the parent's; 0 where none has.
+    pub difference: Objectives,
+    /// How many these are.
+    pub labelled: u32,
+}
+
+/// d_φ: what the world evaluator does with a candidate (paper eq. method-routing).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RouteDecision {
+    /// Ranked within the budget: simulate.
+    Select,
+    /// Not worth a rollout: do not simulate.
+    Reject,
+    /// Drawn at random: simulate, to learn and to check the evaluator.
+    Audit,
+}
+
+/// What the archive decided, with the numbers of each gate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Decision {
+    /// Whether it becomes the lineage's active parent.
+    pub promoted: bool,
+    /// Whether it is a member of the non-dominated set after the decision.
+    pub on_front: bool,
+    /// The acceptance gates.
+    pub gates: Box<AcceptanceGates>,
+    /// What came of the race that decides whether it may lead; `None` where it did not come to that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub race: Option<Race>,
+}
+
+/// A child beside its parent on more and more evolution scenes, until its gain is shown or nothing is left to show.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Race {
+    /// Whether the gain was shown.
+    pub shown: bool,
+    /// Each comparison, on the scenes of the one before it and further ones.
+    pub looks: Vec<Look>,
+}
+
+/// One comparison of a race.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Look {
+    /// Confidence at which it had to show the gain, 1.
+    pub level: f64,
+    /// What the gates say of it beside its parent alone.
+    pub gates: Box<AcceptanceGates>,
+}
+
+/// The three acceptance gates (paper, section Simulator Evaluation and Pareto Archive) with what they compared, and the two
+/// conditions before them. Differences are paired: child, parent and front are compared on the same scenes, and every
+/// difference stands beside its standard error.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AcceptanceGates {
+    /// Whether it makes the front denser.
+    pub densification: Densification,
+    /// Whether it pushes the front in a region of high realism or high attack.
+    pub local_push: LocalPush,
+    /// Whether it improves on its parent at a bounded loss.
+    pub parent_tradeoff: ParentTradeoff,
+    /// Whether it acts in enough scenes.
+    pub coverage: CoverageFloor,
+    /// Paired scenes in which the child's labels are not its parent's.
+    pub differing_scenes: usize,
+    /// Whether it may be accepted without any such scene.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub may_do_as_parent: bool,
+    /// How many scenes were paired: what every difference here rests on.
+    pub scenes: usize,
+    /// Where another method than the three gates decides: what it says. The gates above are told all the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub method: Option<MethodVerdict>,
+    /// Where each group of family and route has its own archive: the groups whose archives accept it. The gates above are of all runs and
+    /// are told all the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub groups: Option<Vec<String>>,
+    /// Under shuffled labels: the candidate of the same epoch whose labels were compared in its place.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub labels_of: Option<SolutionId>,
+}
+
+/// What another search method than the gates says of a child.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MethodVerdict {
+    /// Name of the method.
+    pub method: String,
+    /// Whether it keeps the child.
+    pub holds: bool,
+    /// The child's score under the method, 1; `None` where it has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub score: Option<f64>,
+}
+
+impl AcceptanceGates {
+    /// Whether the child is accepted: by one of the three gates, if it acts often enough and does something else than its
+    /// parent, as far as that is asked for; by the archive of some group, where groups have their own; or by the method that decides
+    /// in their place, if it acts at all.
+    pub fn any(&self) -> bool {
+        if let Some(verdict) = &self.method {
+            return verdict.holds && self.coverage.coverage > 0.0;
+        }
+        if let Some(groups) = &self.groups {
+            return !groups.is_empty();
+        }
+        let by_a_gate = self.densification.holds || self.local_push.holds || self.parent_tradeoff.holds;
+        self.coverage.holds && (self.differing_scenes > 0 || self.may_do_as_parent) && by_a_gate
+    }
+}
+
+/// A difference of two programs on the same scenes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Difference {
+    /// The first program's mean minus the second's.
+    pub value: f64,
+    /// Standard error; `None` of a single scene.
+    pub uncertainty: Option<f64>,
+}
+
+/// Frontier densification: non-dominated, with a gain of hypervolume.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Densification {
+    /// Whether the gate accepts.
+    pub holds: bool,
+    /// Whether no member of the front dominates it.
+    pub non_dominated: bool,
+    /// Hypervolume of the front without it.
+    pub hypervolume_before: f64,
+    /// ΔHV(c): hypervolume with it minus hypervolume without it.
+    pub hypervolume_gain: f64,
+    /// Standard error of the gain; `None` of a single scene.
+    pub uncertainty: Option<f64>,
+}
+
+/// Local frontier push: better attack at high realism, or better realism at high attack.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LocalPush {
+    /// Whether the gate accepts.
+    pub holds: bool,
+    /// Largest attack of the front where R >= r0; `None` where that region is empty.
+    pub best_attack_at_r0: Option<f64>,
+    /// Largest realism of the front where A >= a0; `None` where that region is empty.
+    pub best_realism_at_a0: Option<f64>,
+    /// Attack beyond that best one, of a child in the region; `None` elsewhere.
+    pub attack_push: Option<Difference>,
+    /// Realism beyond that best one, of a child in the region; `None` elsewhere.
+    pub realism_push: Option<Difference>,
+}
+
+/// Parent trade-off push: one objective better, the other not worse than a tolerance allows.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ParentTradeoff {
+    /// Whether the gate accepts.
+    pub holds: bool,
+    /// A(c) - A(p).
+    pub attack_change: f64,
+    /// Standard error of the change; `None` of a single scene.
+    pub attack_uncertainty: Option<f64>,
+    /// R(c) - R(p).
+    pub realism_change: f64,
+    /// Standard error of the change; `None` of a single scene.
+    pub realism_uncertainty: Option<f64>,
+}
+
+/// Whether a program acts about as often as its parent. Coverage is the share of scenes in which a program acts, 1.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CoverageFloor {
+    /// Whether the child acts often enough.
+    pub holds: bool,
+    /// The child's coverage.
+    pub coverage: f64,
+    /// Its parent's coverage.
+    pub parent: f64,
+    /// Least coverage that is accepted.
+    pub floor: f64,
+}

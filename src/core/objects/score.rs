@@ -1,0 +1,247 @@
+//! The labels of a candidate: objectives, and the labels of each scene behind them.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+use super::benchmark::Benchmark;
+use super::rules::{LabelRules, RealismMean, is_unsaid};
+use crate::kernel::Digest;
+
+/// F(c) = (A, R), both in [0, 1], larger is better (paper eq. prelim-objectives).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Objectives {
+    /// A(c), 0..=1; larger is better.
+    pub attack: f64,
+    /// R(c), 0..=1; larger is better.
+    pub realism: f64,
+}
+
+impl Objectives {
+    /// The difference to another point.
+    pub fn less(&self, other: &Objectives) -> Objectives {
+        Objectives { attack: self.attack - other.attack, realism: self.realism - other.realism }
+    }
+
+    /// A point with both coordinates scaled.
+    pub fn times(&self, factor: f64) -> Objectives {
+        Objectives { attack: factor * self.attack, realism: factor * self.realism }
+    }
+
+    /// RP = 100 (1 - R), percent (paper eq. app-realism-penalty).
+    pub fn realism_penalty_pct(&self) -> f64 {
+        100.0 * (1.0 - self.realism)
+    }
+
+    /// Pareto dominance under maximisation: not worse in either objective, better in at least one.
+    pub fn dominates(&self, other: &Objectives) -> bool {
+        self.attack >= other.attack
+            && self.realism >= other.realism
+            && (self.attack > other.attack || self.realism > other.realism)
+    }
+}
+
+/// Objectives with their evidence. Scenes that failed are listed, never scored.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Score {
+    /// F(c): attack over all labelled scenes, realism as [`RealismSums`] has it. A program that acts nowhere has
+    /// neither: both are 0, because there is no evidence that what it does is realistic.
+    pub objectives: Objectives,
+    /// Realism over all labelled scenes, those that nobody touched counting 1: the paper's plain mean.
+    pub realism_all: f64,
+    /// Share of the labelled scenes that the program acts in, 0..=1.
+    pub coverage: f64,
+    /// Labels, in the order of the scenes.
+    pub scenes: Vec<SceneScore>,
+    /// Scenes without a label, and why.
+    pub failures: Vec<SceneFailure>,
+    /// Rows of SafeBench's protocol, from which the objectives are taken; `None` in MetaDrive's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub benchmark: Option<Box<Benchmark>>,
+    /// By which rules the labels were summed up.
+    #[serde(default, skip_serializing_if = "is_unsaid")]
+    pub rules: LabelRules,
+}
+
+impl Score {
+    /// What people call the realism among the objectives: by its own name in either protocol, so that nobody takes it for the
+    /// mean over the scenes acted in.
+    pub fn realism_name(&self) -> &'static str {
+        realism_name(self.benchmark.is_some(), self.rules.mean)
+    }
+}
+
+/// The name of an objective's realism: SafeBench's protocol has its own score.
+pub const fn realism_name(safebench: bool, mean: RealismMean) -> &'static str {
+    match (safebench, mean) {
+        (true, _) => "ARS",
+        (false, RealismMean::Strict) => "strict realism",
+        (false, RealismMean::Plain) => "plain realism",
+    }
+}
+
+/// What R(c) is summed up from: a program is as realistic as the scenes that it acts in, and no more so than the scenes in
+/// which it succeeds. Without the second half a program could keep its successes as they are and buy realism with pushes
+/// of a few centimetres elsewhere.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RealismSums {
+    labelled: usize,
+    realism: f64,
+    acted: usize,
+    acted_realism: f64,
+    succeeded: usize,
+    attack: f64,
+    attack_realism: f64,
+}
+
+impl RealismSums {
+    /// Over these labels, in their order.
+    pub fn of<'s>(scenes: impl IntoIterator<Item = &'s SceneScore>) -> RealismSums {
+        let mut sums = RealismSums::default();
+        scenes.into_iter().for_each(|scene| sums.add(scene));
+        sums
+    }
+
+    /// Adds a label.
+    pub fn add(&mut self, scene: &SceneScore) {
+        self.labelled += 1;
+        self.realism += scene.realism;
+        if scene.acted {
+            self.acted += 1;
+            self.acted_realism += scene.realism;
+            if scene.attack > 0.0 {
+                self.succeeded += 1;
+                self.attack += scene.attack;
+                self.attack_realism += scene.attack * scene.realism;
+            }
+        }
+    }
+
+    /// The same without one of the labels.
+    pub fn without(mut self, scene: &SceneScore) -> RealismSums {
+        self.labelled -= 1;
+        self.realism -= scene.realism;
+        if scene.acted {
+            self.acted -= 1;
+            self.acted_realism -= scene.realism;
+            if scene.attack > 0.0 {
+                self.succeeded -= 1;
+                self.attack -= scene.attack;
+                self.attack_realism -= scene.attack * scene.realism;
+            }
+        }
+        self
+    }
+
+    /// In how many scenes the program acts.
+    pub fn acted(&self) -> usize {
+        self.acted
+    }
+
+    /// Mean over the scenes acted in; `None` for a program that never acts.
+    pub fn acted_mean(&self) -> Option<f64> {
+        (self.acted > 0).then(|| self.acted_realism / self.acted as f64)
+    }
+
+    /// R(c) by either rule.
+    pub fn realism(&self, mean: RealismMean) -> Option<f64> {
+        match mean {
+            RealismMean::Strict => self.strict(),
+            RealismMean::Plain => (self.labelled > 0).then(|| (self.realism / self.labelled as f64).clamp(0.0, 1.0)),
+        }
+    }
+
+    /// The strict realism: the smaller one of the mean over the scenes acted in and the mean over successes, each success weighing as much
+    /// as its attack; the first alone where nothing succeeds. `None` for a program that never acts.
+    fn strict(&self) -> Option<f64> {
+        let acted = self.acted_mean()?;
+        let succeeded = (self.succeeded > 0).then(|| self.attack_realism / self.attack);
+        Some(succeeded.map_or(acted, |succeeded| succeeded.min(acted)).clamp(0.0, 1.0))
+    }
+}
+
+/// One labelled rollout.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SceneScore {
+    /// Id of the scene.
+    pub scene: String,
+    /// a(τ), 0..=1; but for [`LabelRules`] 0 where the program does not act, and where the ego meets a road user that it also runs into
+    /// without the program.
+    pub attack: f64,
+    /// r(τ), 0..=1; 1 where the program does not act, and counts into the objective only where it does.
+    pub realism: f64,
+    /// Whether the motion of some adversary really differs from what replay shows.
+    pub acted: bool,
+    /// d_j of each realism diagnostic, 1 = satisfied.
+    pub diagnostics: BTreeMap<String, f64>,
+    /// Values of the metrics that the experiment declares besides.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub metrics: BTreeMap<String, f64>,
+    /// The road user that the ego met, if any: the first contact, which ends the rollout.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact: Option<Met>,
+    /// Whether the program asked for an intervention in this scene.
+    pub intervened: bool,
+    /// Where the program was played against several drivers, the label against each alone, by the driver's name. Contact, request and
+    /// record of this label are then those of the lineage's first driver.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub by_ego: BTreeMap<String, SceneScore>,
+    /// Key of the rollout request, and digest of the stored rollout record.
+    pub request: Digest,
+    /// Digest of the stored rollout record.
+    pub record: Digest,
+}
+
+impl SceneScore {
+    /// The labels of single rollouts behind this one: itself, or one a driver.
+    pub fn each(&self) -> impl Iterator<Item = &SceneScore> {
+        let own = self.by_ego.is_empty().then_some(self);
+        own.into_iter().chain(self.by_ego.values())
+    }
+}
+
+/// The ego's contact with somebody.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Met {
+    /// Whether it is an adversary of the program, and not a road user that the program left alone.
+    pub adversary: bool,
+    /// Who struck whom, on which side: the name of a contact class of the simulator.
+    pub class: String,
+    /// Whether the ego could have avoided it; `None` where nobody assessed that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub avoidable: Option<bool>,
+    /// The clause of nuPlan's rule that decides who is at fault, where outcomes say it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fault: Option<String>,
+    /// How many of how many drivers would have avoided it, where outcomes say it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub avoided_by: Option<[usize; 2]>,
+    /// Whether the ego runs into the same one in plain replay.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub anyway: bool,
+}
+
+/// A scene without a label, and why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SceneFailure {
+    /// Id of the scene.
+    pub scene: String,
+    /// Why it has no label.
+    pub reason: String,
+    /// Whether the driver under test took too long for a decision: neither a crash nor a success.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub too_slow: bool,
+    /// Whether the driver under test abandoned the scene: likewise.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub abandoned: bool,
+}
+
+/// In how many of these scenes the driver was too slow.
+pub fn too_slow(failures: &[SceneFailure]) -> usize {
+    failures.iter().filter(|failure| failure.too_slow).count()
+}
+
+/// How many of these scenes the driver abandoned.
+pub fn abandoned(failures: &[SceneFailure]) -> usize {
+    failures.iter().filter(|failure| failure.abandoned).count()
+}

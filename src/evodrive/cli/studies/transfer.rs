@@ -1,0 +1,208 @@
+//! `transfer`: the reported programs of runs and their parents against drivers that they were not evolved on.
+
+use clap::Args;
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use crate::cli::look::table::Format;
+use crate::cli::records::folder::RunFolder;
+use crate::cli::records::run_name::Runs;
+use crate::cli::scenes::files;
+use crate::cli::studies::{apply, packed};
+use crate::cli::terminal::answer::{Answer, progress};
+use crate::cli::terminal::exit::Failure;
+use crate::cli::terminal::output::Output;
+use crate::ego::Policy;
+use crate::epoch::{Applied, SceneEntry};
+use crate::evidence::RecordedRun;
+use crate::evidence::figures::{Panel, heat_map};
+use crate::evidence::tables::{self, DRIVERS, Line, Transferred};
+use crate::experiment::ProgramFile;
+use crate::families;
+use crate::kernel::{Digest, Threads};
+use crate::objects::{Program, Score};
+use crate::text::nearest;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    #[command(flatten)]
+    pub runs: Runs,
+    /// Pools or files of scenes that none of these searches has seen.
+    #[arg(long, num_args = 1.., required = true)]
+    pub scenes: Vec<PathBuf>,
+    /// Who drives, a column each: idm, idm-lights, pdm, frenet, replay, sac-metadrive, sac-metadrive-2.
+    #[arg(long, value_delimiter = ',', default_value = "idm,pdm,frenet,sac-metadrive-2")]
+    pub drivers: Vec<String>,
+    /// A row a family, too.
+    #[arg(long)]
+    pub by_family: bool,
+    /// How to write it; without it Markdown.
+    #[arg(long)]
+    pub format: Option<Format>,
+    /// File for a heat map, SVG.
+    #[arg(long)]
+    pub figure: Option<PathBuf>,
+    /// File for how alike judges rank the programs against each driver, Markdown: published, at fault, the careful driver, UN R157's.
+    #[arg(long)]
+    pub judges: Option<PathBuf>,
+    #[command(flatten)]
+    pub output: Output,
+}
+
+/// A program to be played: its family's file, and the program in it.
+struct Player {
+    file: ProgramFile,
+    program: Program,
+}
+
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let threads = files::threads(jobs)?;
+    let drivers = drivers(&options.drivers)?;
+    let folders = options.runs.folders()?;
+    let (mut players, mut lines) = (Vec::new(), Vec::new());
+    for folder in &folders {
+        let run = folder.recorded()?;
+        add(folder, &run, &mut players, &mut lines)?;
+    }
+    let first: &Player =
+        players.first().ok_or_else(|| Failure::bad_input("the runs report no program; name finished runs"))?;
+    let pool = files::chosen(&options.scenes, &[], jobs)?;
+    let digest = pool.digest();
+    let (taken, _) = apply::sorted_out(&options.scenes, &first.file, pool)?;
+    let entries = threads.map(&taken, |_, scene| SceneEntry::new(scene.clone()));
+    let seen = |player: &Player| entries.iter().find(|entry| player.file.evolution_scenes.contains(&entry.digest));
+    if let Some((player, entry)) = players.iter().find_map(|player| Some((player, seen(player)?))) {
+        return Err(Failure::bad_input(format!(
+            "scene {} is one on which {} was evolved, expected scenes that no search has seen; generate some with another seed",
+            entry.scene().id,
+            player.program.solution_id
+        )));
+    }
+    let scores = scores(&players, &drivers, &entries, &threads)?;
+    let transferred = Transferred {
+        pool: digest,
+        scenes: taken.iter().map(|scene| scene.id.clone()).collect(),
+        drivers: drivers.iter().map(|(name, _)| *name).collect(),
+        lines,
+        scores,
+    };
+    written(options, &transferred)
+}
+
+/// The table, and the files that were asked for.
+fn written(options: &Options, of: &Transferred) -> Result<Answer, Failure> {
+    if let Some(place) = &options.figure {
+        let heads: Vec<String> = of.drivers.iter().map(|name| head(name).to_string()).collect();
+        let panel = |(name, title): (&str, &str)| Panel {
+            title: title.to_string(),
+            rows: of.matrix(name),
+            columns: heads.clone(),
+        };
+        let panels = Transferred::PANELS.map(panel);
+        let title = "Evolved on (rows), tested on (columns): share of scenes";
+        options.output.write(place, heat_map(title, &panels, 1.0).svg().as_bytes())?;
+    }
+    if let Some(place) = &options.judges {
+        let mut text = "# How alike judges rank the programs\n\nKendall's tau-b over the programs' shares of scenes; – where a judge tells no two \
+                        apart.\n"
+            .to_string();
+        for (driver, name) in of.drivers.iter().enumerate() {
+            text += &format!("\n## Driven by {}\n\n{}", head(name), tables::judges(of, driver));
+        }
+        options.output.write(place, text.as_bytes())?;
+    }
+    let table = tables::transfer(of, options.by_family);
+    let object = json!({"table": table.json(), "scenes": of.scenes.len(), "programs": of.scores.len()});
+    Ok(Answer::exact(options.format.unwrap_or(Format::Markdown).text(&table), object))
+}
+
+fn head(name: &str) -> &str {
+    DRIVERS.into_iter().find(|(known, ..)| *known == name).map_or(name, |(.., head)| head)
+}
+
+/// The drivers of these names.
+fn drivers(names: &[String]) -> Result<Vec<(&'static str, Policy)>, Failure> {
+    let mut all: Vec<(&'static str, Policy)> = Vec::new();
+    for name in names {
+        let Some((known, policy, _)) = DRIVERS.into_iter().find(|(known, ..)| known == name) else {
+            let near = nearest(name, DRIVERS.map(|(known, ..)| known));
+            let near = near.map_or(String::new(), |near| format!("; did you mean {near}?"));
+            let known = DRIVERS.map(|(known, ..)| known).join(", ");
+            return Err(Failure::bad_input(format!(
+                "--drivers: no column is called {name:?}; there are {known}{near}"
+            )));
+        };
+        if all.iter().any(|(other, _)| *other == known) {
+            return Err(Failure::bad_input(format!("--drivers: {known} is named twice; name each driver once")));
+        }
+        all.push((known, apply::driver(policy)?));
+    }
+    Ok(all)
+}
+
+/// Adds the reported program of every lineage of a run, and its parent. A program that is there already is not played again.
+fn add(folder: &RunFolder, run: &RecordedRun, players: &mut Vec<Player>, lines: &mut Vec<Line>) -> Result<(), Failure> {
+    let result = run.result.as_ref().ok_or_else(|| {
+        Failure::bad_input(format!("{}: the run is not finished; `evodrive resume` goes on", folder.dir.display()))
+    })?;
+    for lineage in &result.lineages {
+        let file = packed::packed_of(folder, run, lineage.evolved.solution.as_str())?;
+        if file.conditions.evaluation.safebench().is_some() {
+            return Err(Failure::bad_input(format!(
+                "{}: its programs play SafeBench's routes, expected runs on recorded or generated traffic",
+                folder.dir.display()
+            )));
+        }
+        let mut place = |program: &Program| -> Result<usize, Failure> {
+            let hash = program.hash().map_err(Failure::internal)?;
+            for (place, known) in players.iter().enumerate() {
+                if known.program.hash().map_err(Failure::internal)? == hash {
+                    return Ok(place);
+                }
+            }
+            players.push(Player { file: file.clone(), program: program.clone() });
+            Ok(players.len() - 1)
+        };
+        let (parent, program) = (place(&file.parent)?, place(&file.program)?);
+        let evolved_on = format!("{} on {}", tables::searched(run).words(), lineage.ego);
+        let family = lineage.family.to_string();
+        // Runs with the same words are repetitions of one search.
+        let alike = lines.iter().filter(|of| (&of.family, &of.evolved_on) == (&family, &evolved_on)).count();
+        let replica = u32::try_from(alike).unwrap_or(u32::MAX);
+        lines.push(Line { family, evolved_on, replica, parent, program });
+    }
+    Ok(())
+}
+
+/// Every program against every driver, under the seed and the simulator of the first program's run, with contacts judged by nuPlan's rule
+/// and the jury.
+fn scores(
+    players: &[Player],
+    drivers: &[(&'static str, Policy)],
+    entries: &[SceneEntry],
+    threads: &Threads,
+) -> Result<Vec<Vec<Score>>, Failure> {
+    let Some(first) = players.first() else { return Ok(Vec::new()) };
+    let mut conditions = first.file.conditions.clone();
+    (conditions.simulator.at_fault, conditions.simulator.jury) = (true, true);
+    let sources = families::sources();
+    let mut by_family: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (place, player) in players.iter().enumerate() {
+        by_family.entry(player.file.family.as_str()).or_default().push(place);
+    }
+    let mut scores: Vec<Vec<Score>> = vec![Vec::new(); players.len()];
+    for (name, ego) in drivers {
+        for (family, places) in &by_family {
+            progress(format!("{family}: {} programs against {name}", places.len()));
+            let file = ProgramFile { conditions: conditions.clone(), ..players[places[0]].file.clone() };
+            let counsels: BTreeMap<Digest, _> = apply::counsels(&file, entries);
+            let applied: Applied<'_> = apply::as_conditioned(&file, &sources, ego, &counsels)?;
+            let programs: Vec<&Program> = places.iter().map(|&place| &players[place].program).collect();
+            for (place, labelled) in places.iter().zip(applied.label(&programs, entries, threads)?) {
+                scores[*place].push(labelled.score);
+            }
+        }
+    }
+    Ok(scores)
+}

@@ -1,0 +1,293 @@
+//! The end of a run: accepted descendants meet the whole evolution pool, one is chosen by it, and only then are the
+//! held-out scenes opened.
+
+use std::collections::BTreeMap;
+
+use super::{groups, rounds};
+use crate::archive::{Contender, SelectionRule, SelectorOptions, first_by_rule, pf_area_pct, select_active};
+use crate::epoch::RunError;
+use crate::epoch::briefs::counsel;
+use crate::epoch::labelling::labels::{self, Labelling};
+use crate::epoch::labelling::measure::held_out_runs;
+use crate::epoch::labelling::replayed;
+use crate::epoch::setting::desk::Desk;
+use crate::epoch::setting::progress::Progress;
+use crate::epoch::setting::study::{LineageSpec, Study};
+use crate::epoch::state::State;
+use crate::objects::{
+    Attempt, Objectives, RealismMean, Score, SolutionId,
+    event::{AtRealism, ExitCounts, Finalist, FrontPoint, HeldOut, LineageResult, Measured, RunResult, kind},
+};
+
+/// k of PF-Area@k, as in the paper's tables.
+pub const FRONTIER_BUDGET: usize = 3;
+
+/// Chooses and reports, lineage by lineage.
+pub fn report(study: &Study, state: &mut State, desk: &mut Desk<'_>) -> Result<RunResult, RunError> {
+    let mut lineages = Vec::new();
+    let mut wanting = false;
+    side_by_side(study, state, desk)?;
+    for spec in &study.lineages {
+        match one_lineage(study, state, spec, desk) {
+            Ok(result) => lineages.push(result),
+            // A plan hears of all lineages: none of them depends on another one any more.
+            Err(RunError::Wanting) => wanting = true,
+            Err(error) => return Err(error),
+        }
+        desk.tools.meter.turn(&spec.id);
+    }
+    if wanting {
+        return Err(RunError::Wanting);
+    }
+    let replay = replayed::record(study, desk)?;
+    Ok(RunResult {
+        replay,
+        lineages,
+        exits: count(&state.attempts.iter().collect::<Vec<_>>()),
+        epochs: study.budget.epochs,
+        rollouts: desk.tools.rollouts.distinct(),
+    })
+}
+
+/// Makes the labels of all lineages' finalists on the evolution scenes, all in one parallel map: lineage by lineage threads would wait at the
+/// end of each one's. What is made is kept label by label, so a run that is stopped here goes on where it was. Under a plan each lineage asks
+/// for its own.
+fn side_by_side(study: &Study, state: &State, desk: &Desk<'_>) -> Result<(), RunError> {
+    if desk.tools.wanted.is_some() || study.lineages.len() < 2 {
+        return Ok(());
+    }
+    let mut all = Vec::new();
+    for spec in &study.lineages {
+        let Finalists { measured, .. } = finalists(study, state, spec)?;
+        let parent = std::iter::once(&state.lineages.get(&spec.id)?.parent);
+        for solution in parent.chain(&measured) {
+            let program = state.lineages.program(&spec.id, solution)?;
+            all.push((labelling(study, state, spec, desk), program, study.evolution.as_slice()));
+        }
+    }
+    labels::ahead_of_all(&all, &desk.tools)
+}
+
+/// Who was chosen on evolution labels.
+struct Choice {
+    active: SolutionId,
+    reason: String,
+    endpoint: Option<SolutionId>,
+    /// The first three descendants by the same rule: the matched budget.
+    top: Vec<SolutionId>,
+    /// Whom the rule chooses at further values of `realism_min`, and whether it reaches that.
+    at_realism: Vec<(f64, bool, SolutionId)>,
+    /// Scores of parent and finalists on the evolution scenes.
+    scores: BTreeMap<SolutionId, Score>,
+    /// The programs that the budget of finalists had no room for.
+    cut: Vec<SolutionId>,
+}
+
+pub fn one_lineage(
+    study: &Study,
+    state: &mut State,
+    spec: &LineageSpec,
+    desk: &mut Desk<'_>,
+) -> Result<LineageResult, RunError> {
+    let parent = state.lineages.get(&spec.id)?.parent.clone();
+    let choice = choose(study, state, spec, &parent, desk)?;
+    counsel::take(study, spec, &study.held_out, &mut state.counsels, desk)?;
+    let state = &*state;
+    let mut measured: BTreeMap<SolutionId, Measured> = BTreeMap::new();
+    let reported = [Some(&parent), Some(&choice.active), choice.endpoint.as_ref()];
+    let at_realism = choice.at_realism.iter().map(|(_, _, solution)| solution);
+    let wanted: Vec<&SolutionId> = reported.into_iter().flatten().chain(&choice.top).chain(at_realism).collect();
+    ahead(study, state, spec, wanted.iter().copied(), &study.held_out, desk)?;
+    for solution in wanted {
+        if measured.contains_key(solution) {
+            continue;
+        }
+        let score = held_out(study, state, spec, solution, &parent, &choice, desk)?;
+        measured.insert(solution.clone(), Measured::new(solution.clone(), &score));
+    }
+    (desk.watch)(Progress::HeldOut {
+        lineage: spec.id.to_string(),
+        programs: measured.len(),
+        scenes: study.held_out.len(),
+    });
+    let of = |solution: &SolutionId| measured[solution].clone();
+    let (pf_area_at_3_pct, by_group) = frontier_gain(study, state, spec, &parent, &choice, &measured, desk)?;
+    let archive = &state.archives[&spec.id];
+    Ok(LineageResult {
+        lineage: spec.id.clone(),
+        group: spec.group.clone(),
+        replica: spec.replica,
+        cut: choice.cut,
+        family: spec.family.clone(),
+        ego: spec.ego_label(),
+        parent: of(&parent),
+        evolved: of(&choice.active),
+        selection: choice.reason,
+        endpoint: choice.endpoint.as_ref().map(of),
+        at_realism: choice
+            .at_realism
+            .iter()
+            .map(|(realism_min, reached, solution)| AtRealism {
+                realism_min: *realism_min,
+                reached: *reached,
+                chosen: of(solution),
+            })
+            .collect(),
+        pf_area_at_3_pct,
+        pf_area_at_3_pct_by_group: by_group,
+        front: archive.front().map(|e| FrontPoint { solution: e.solution.clone(), objectives: e.objectives }).collect(),
+        hypervolume_by_epoch: state.settled.iter().filter(|s| s.lineage == spec.id).map(|s| s.hypervolume).collect(),
+        exits: count(&state.attempts.iter().filter(|a| a.lineage == spec.id).collect::<Vec<_>>()),
+        held_out_scenes: study.held_out.len(),
+    })
+}
+
+/// PF-Area@3: on held-out objectives; in SafeBench's protocol the mean over its groups, which follow, and whose archive
+/// is recorded here too.
+fn frontier_gain(
+    study: &Study,
+    state: &State,
+    spec: &LineageSpec,
+    parent: &SolutionId,
+    choice: &Choice,
+    measured: &BTreeMap<SolutionId, Measured>,
+    desk: &mut Desk<'_>,
+) -> Result<(f64, BTreeMap<String, f64>), RunError> {
+    if let (Some(options), Some(parent_score)) = (study.evaluation.safebench(), choice.scores.get(parent)) {
+        rounds::record(study, state, spec, options, (parent, parent_score), desk)?;
+        if groups::apart(study) {
+            let (of, before) = ((spec, options), (parent, parent_score));
+            let gains = groups::gains_of_archives_pct(study, state, of, before, FRONTIER_BUDGET, &desk.tools)?;
+            return Ok((groups::mean_pct(&gains), gains));
+        }
+        let descendants: Vec<&Score> = choice.top.iter().filter_map(|s| choice.scores.get(s)).collect();
+        let gains = rounds::pf_area_by_group_pct(study, options, parent_score, &descendants, FRONTIER_BUDGET, desk)?;
+        return Ok((groups::mean_pct(&gains), gains));
+    }
+    // Whoever acts nowhere has no place in the plane, but by the plain mean: neither parent nor descendants.
+    let placed = |of: &Measured| of.coverage > 0.0 || study.evaluation.realism_mean() == RealismMean::Plain;
+    let acting = |solutions: &[SolutionId]| -> Vec<Objectives> {
+        solutions.iter().map(|s| &measured[s]).filter(|of| placed(of)).map(|of| of.objectives).collect()
+    };
+    let parents = acting(std::slice::from_ref(parent));
+    Ok((pf_area_pct(&parents, &acting(&choice.top), FRONTIER_BUDGET, &study.archive), BTreeMap::new()))
+}
+
+/// Labels the finalists on every evolution scene, so that one window's luck does not choose, and applies the
+/// realism-constrained rule, here and nowhere before: with the parent for the active generator, without it for endpoint
+/// and budget.
+fn choose(
+    study: &Study,
+    state: &State,
+    spec: &LineageSpec,
+    parent: &SolutionId,
+    desk: &mut Desk<'_>,
+) -> Result<Choice, RunError> {
+    let (mut contenders, mut scores) = (Vec::new(), BTreeMap::new());
+    let Finalists { measured, cut } = finalists(study, state, spec)?;
+    ahead(study, state, spec, std::iter::once(parent).chain(&measured), &study.evolution, desk)?;
+    for solution in std::iter::once(parent.clone()).chain(measured) {
+        let program = state.lineages.program(&spec.id, &solution)?;
+        let score = labelling(study, state, spec, desk).score((program, program.hash()?), &study.evolution)?;
+        desk.log.append(
+            kind::FINALIST,
+            &Finalist { lineage: spec.id.clone(), solution: solution.clone(), score: score.clone() },
+        )?;
+        let (objectives, coverage) = (score.objectives, score.coverage);
+        contenders.push(Contender { solution: solution.clone(), objectives, coverage });
+        scores.insert(solution, score);
+    }
+    let Some(active) = select_active(&contenders, &study.selector) else {
+        return Err(RunError::Study(format!("lineage {} has nobody to select from", spec.id)));
+    };
+    let at_realism = study.selector.floors().into_iter().filter_map(|realism_min| {
+        let chosen = select_active(&contenders, &SelectorOptions { realism_min, ..study.selector.clone() })?;
+        Some((realism_min, chosen.rule == SelectionRule::RealismConstrained, chosen.solution))
+    });
+    let at_realism = at_realism.collect();
+    let top = first_by_rule(contenders.split_off(1), FRONTIER_BUDGET, &study.selector);
+    Ok(Choice {
+        reason: active.reason(),
+        active: active.solution,
+        endpoint: top.first().cloned(),
+        top,
+        at_realism,
+        scores,
+        cut,
+    })
+}
+
+/// Makes labels of programs together that will be needed one by one.
+fn ahead<'s>(
+    study: &Study,
+    state: &State,
+    spec: &LineageSpec,
+    solutions: impl Iterator<Item = &'s SolutionId>,
+    places: &[usize],
+    desk: &Desk<'_>,
+) -> Result<(), RunError> {
+    let programs =
+        solutions.map(|solution| state.lineages.program(&spec.id, solution)).collect::<Result<Vec<_>, _>>()?;
+    labelling(study, state, spec, desk).ahead(&programs, places)
+}
+
+fn labelling<'a>(study: &'a Study, state: &'a State, spec: &'a LineageSpec, desk: &'a Desk<'_>) -> Labelling<'a> {
+    Labelling { study, spec, counsels: &state.counsels, tools: &desk.tools }
+}
+
+/// The programs that are measured on the whole evolution pool, and those that the budget had no room for; the most promising first.
+struct Finalists {
+    measured: Vec<SolutionId>,
+    cut: Vec<SolutionId>,
+}
+
+/// All members of the front, all programs that led, and who leads last, ranked by what they alone add to the front; of
+/// equals the later leader first. The budget cuts from the bottom.
+fn finalists(study: &Study, state: &State, spec: &LineageSpec) -> Result<Finalists, RunError> {
+    let (archive, lineage) = (&state.archives[&spec.id], state.lineages.get(&spec.id)?);
+    let heads = std::iter::once(&lineage.active).chain(lineage.realism_anchor.as_ref());
+    let led = lineage.promotions.iter().rev().map(|promotion| &promotion.to);
+    let mut ranked: Vec<(f64, SolutionId)> = Vec::new();
+    for solution in heads.chain(led).chain(archive.front().map(|entry| &entry.solution)) {
+        if *solution != lineage.parent && !ranked.iter().any(|(_, known)| known == solution) {
+            ranked.push((archive.contribution(solution, study.archive.reference), solution.clone()));
+        }
+    }
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut measured: Vec<SolutionId> = ranked.into_iter().map(|(_, solution)| solution).collect();
+    let cut = measured.split_off(study.budget.finalists.min(measured.len()));
+    Ok(Finalists { measured, cut })
+}
+
+fn held_out(
+    study: &Study,
+    state: &State,
+    spec: &LineageSpec,
+    solution: &SolutionId,
+    parent: &SolutionId,
+    choice: &Choice,
+    desk: &mut Desk<'_>,
+) -> Result<Score, RunError> {
+    let program = state.lineages.program(&spec.id, solution)?;
+    let score = labelling(study, state, spec, desk).score((program, program.hash()?), &study.held_out)?;
+    let roles = [
+        ("parent", solution == parent),
+        ("active", *solution == choice.active),
+        ("endpoint", choice.endpoint.as_ref() == Some(solution)),
+        ("descendant", choice.top.contains(solution)),
+        ("at_realism", choice.at_realism.iter().any(|(_, _, of)| of == solution)),
+    ];
+    let roles = roles.into_iter().filter(|(_, holds)| *holds).map(|(role, _)| role.to_string()).collect();
+    let runs = held_out_runs(study, &score, &desk.tools)?;
+    desk.log.append(
+        kind::HELD_OUT,
+        &HeldOut { lineage: spec.id.clone(), solution: solution.clone(), roles, score: score.clone(), runs },
+    )?;
+    Ok(score)
+}
+
+fn count(attempts: &[&Attempt]) -> ExitCounts {
+    let mut counts = ExitCounts::default();
+    attempts.iter().for_each(|attempt| counts.count(attempt));
+    counts
+}

@@ -1,0 +1,201 @@
+//! What a cell of a table is computed from: searches, their repetitions, programs, and scene by scene the recorded labels. Its
+//! number comes out again of these parts alone.
+
+use crate::kernel::num;
+use crate::objects::benchmark::SafebenchRun;
+use crate::objects::{AttemptId, Met, SceneScore, SolutionId};
+
+/// A number of a label; `None` where the scene does not count.
+pub(super) type LabelRead = Box<dyn Fn(&SceneScore) -> Option<f64>>;
+
+/// How parts give the number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Combine {
+    /// Mean over searches of the mean over those repetitions that have a number.
+    Means,
+    /// The same, and there is none where one repetition has none.
+    MeansOfAll,
+    /// 100 times the share of all counted leaves that hold.
+    Pooled,
+    /// The second term minus the first, paired by lineage and scene; scenes that count in both.
+    Paired,
+    /// 100 times the first term over the second.
+    Percent,
+}
+
+/// Where a number comes from.
+pub struct Derivation {
+    /// How the parts give it, in words.
+    pub formula: String,
+    pub(super) combine: Combine,
+    /// The number before and the one after, where it relates two others.
+    pub terms: Vec<Derivation>,
+    /// One a repetition of a search.
+    pub parts: Vec<Repetition>,
+    pub(super) read: Option<LabelRead>,
+}
+
+/// What one repetition of a search gives.
+#[derive(Clone, Debug)]
+pub struct Repetition {
+    /// Repetitions of one search are averaged before searches are.
+    pub search: String,
+    /// Place of its run among those that the table was made from.
+    pub run: usize,
+    /// Its lineage, or `replay/<ego>`.
+    pub lineage: String,
+    /// From 0.
+    pub replica: u32,
+    /// Whose labels are read; where there are two, the first one's number is taken from the second one's.
+    pub programs: Vec<SolutionId>,
+    /// The number of this repetition, computed from its leaves; recorded as a whole where they have none.
+    pub value: Option<f64>,
+    pub leaves: Vec<Leaf>,
+    /// How a number comes about that is no sum over leaves, step by step.
+    pub steps: Vec<String>,
+}
+
+/// What stands at the bottom: a scene with its labels, a selected run, or a proposal.
+#[derive(Clone, Debug)]
+pub struct Leaf {
+    /// Scene or attempt.
+    pub name: String,
+    /// What it gives; `None` where it does not count, or only together with others.
+    pub value: Option<f64>,
+    /// Programs whose label of this scene is read.
+    pub programs: Vec<SolutionId>,
+    /// The proposal, where proposals are counted.
+    pub attempt: Option<AttemptId>,
+    /// What balanced selection keeps after a round.
+    pub selected: Option<Selected>,
+    /// A number that no label holds, in words.
+    pub note: Option<String>,
+}
+
+/// A run that balanced selection keeps.
+#[derive(Clone, Copy, Debug)]
+pub struct Selected {
+    pub round: u32,
+    pub run: SafebenchRun,
+}
+
+impl Leaf {
+    /// A scene in which labels of these programs are read.
+    pub(super) fn scene(name: &str, programs: &[SolutionId], value: Option<f64>) -> Leaf {
+        let programs = programs.to_vec();
+        Leaf { name: name.to_string(), value, programs, attempt: None, selected: None, note: None }
+    }
+}
+
+impl Derivation {
+    pub(super) fn of(formula: String, combine: Combine, parts: Vec<Repetition>) -> Derivation {
+        Derivation { formula, combine, terms: Vec::new(), parts, read: None }
+    }
+
+    /// The number, from the parts.
+    pub fn value(&self) -> Option<f64> {
+        match self.combine {
+            Combine::Paired => self.paired(),
+            Combine::Percent => {
+                let [part, whole] = [self.terms.first()?.value()?, self.terms.get(1)?.value()?];
+                (whole > 0.0).then(|| 100.0 * part / whole)
+            }
+            Combine::Pooled => {
+                let counted: Vec<f64> = self.leaves().filter_map(|(_, leaf)| leaf.value).collect();
+                let holds = counted.iter().filter(|value| **value > 0.0).count();
+                (!counted.is_empty()).then(|| 100.0 * holds as f64 / counted.len() as f64)
+            }
+            Combine::Means | Combine::MeansOfAll => {
+                let means: Option<Vec<f64>> = self.searches().iter().map(|parts| self.mean_of(parts)).collect();
+                num::mean(&means?)
+            }
+        }
+    }
+
+    /// Mean over searches of the mean over repetitions of the mean over paired scenes.
+    fn paired(&self) -> Option<f64> {
+        let (before, after) = (self.terms.first()?, self.terms.get(1)?);
+        let of_part = |part: &Repetition| -> Option<f64> {
+            let other = before.parts.iter().find(|other| other.lineage == part.lineage)?;
+            let value = |leaf: &Leaf| {
+                let same = other.leaves.iter().find(|other| other.name == leaf.name)?;
+                Some(leaf.value? - same.value?)
+            };
+            num::mean(&part.leaves.iter().filter_map(value).collect::<Vec<f64>>())
+        };
+        let of_search =
+            |parts: &Vec<&Repetition>| num::mean(&parts.iter().filter_map(|part| of_part(part)).collect::<Vec<_>>());
+        num::mean(&after.searches().iter().map(of_search).collect::<Option<Vec<f64>>>()?)
+    }
+
+    fn mean_of(&self, parts: &[&Repetition]) -> Option<f64> {
+        if self.combine == Combine::MeansOfAll {
+            return num::mean(&parts.iter().map(|part| part.value).collect::<Option<Vec<f64>>>()?);
+        }
+        num::mean(&parts.iter().filter_map(|part| part.value).collect::<Vec<f64>>())
+    }
+
+    /// The parts by search, in the order of their first.
+    pub fn searches(&self) -> Vec<Vec<&Repetition>> {
+        let mut pieces: Vec<Vec<&Repetition>> = Vec::new();
+        for part in &self.parts {
+            match pieces.iter_mut().find(|of| of[0].search == part.search) {
+                Some(of) => of.push(part),
+                None => pieces.push(vec![part]),
+            }
+        }
+        pieces
+    }
+
+    /// This basis and its terms.
+    pub fn all(&self) -> Vec<&Derivation> {
+        [self].into_iter().chain(self.terms.iter().flat_map(Derivation::all)).collect()
+    }
+
+    /// Every leaf with its part, terms left out.
+    pub fn leaves(&self) -> impl Iterator<Item = (&Repetition, &Leaf)> {
+        self.parts.iter().flat_map(|part| part.leaves.iter().map(move |leaf| (part, leaf)))
+    }
+
+    /// Numbers of a label that this one uses: those that change it when they change. Of a number that is no function of
+    /// single labels, those that it is made of.
+    pub fn uses(&self, label: &SceneScore) -> Vec<&'static str> {
+        let Some(read) = &self.read else { return vec!["attack", "realism", "acted"] };
+        let bare = SceneScore { diagnostics: Default::default(), ..label.clone() };
+        let own = read(&bare).map(f64::to_bits);
+        let moves = |other: SceneScore| read(&other).map(f64::to_bits) != own;
+        let at = |x: f64| [0.0, 0.25, 0.75].into_iter().filter(move |probe| *probe != x);
+        let mut used = Vec::new();
+        if at(label.attack).any(|attack| moves(SceneScore { attack, ..bare.clone() })) {
+            used.push("attack");
+        }
+        if at(label.realism).any(|realism| moves(SceneScore { realism, ..bare.clone() })) {
+            used.push("realism");
+        }
+        if moves(SceneScore { acted: !label.acted, ..bare.clone() }) {
+            used.push("acted");
+        }
+        if contacts(label).into_iter().any(|contact| moves(SceneScore { contact, ..bare.clone() })) {
+            used.push("contact");
+        }
+        used
+    }
+}
+
+/// Other contacts than the label's: none, and one of every class that says everything.
+fn contacts(label: &SceneScore) -> Vec<Option<Met>> {
+    let of = |class: crate::evaluation::ContactClass| {
+        let class = class.name().to_string();
+        let met = |adversary, anyway| Met {
+            adversary,
+            class: class.clone(),
+            avoidable: Some(true),
+            fault: None,
+            avoided_by: None,
+            anyway,
+        };
+        [met(true, false), met(true, true), met(false, false)]
+    };
+    let all = crate::evaluation::ContactClass::ALL.into_iter().flat_map(of).map(Some);
+    [None].into_iter().chain(all).filter(|contact| *contact != label.contact).collect()
+}

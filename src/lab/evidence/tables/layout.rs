@@ -1,0 +1,312 @@
+//! A table before it is Markdown, CSV or LaTeX: columns, rows of numbers with the paper's beside them, notes.
+
+use serde::Serialize;
+use serde_json::{Map, Value as Json, json};
+use std::collections::BTreeMap;
+
+use super::key::RowKey;
+use super::paper::Figures;
+use crate::evidence::recorded_run::Setting;
+use crate::kernel::num;
+use crate::statistics::bootstrap::Estimate;
+
+/// How a column's numbers are written, as the paper writes them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// `0.345`, a share
+    Rate,
+    /// `3.450`, a number of any size
+    Number,
+    /// `10.66%`
+    Percent,
+    /// `+0.035`
+    RateChange,
+    /// `-6.81pp`
+    Points,
+    /// `+7.4%`
+    Gain,
+}
+
+impl Form {
+    /// Decimals.
+    pub fn digits(self) -> u32 {
+        match self {
+            Form::Rate | Form::Number | Form::RateChange => 3,
+            Form::Percent | Form::Points => 2,
+            Form::Gain => 1,
+        }
+    }
+
+    /// A number of this form, whose interval ends where no such number lies.
+    pub fn bounded(self, own: Estimate) -> Estimate {
+        match self {
+            Form::Rate => own.within([0.0, 1.0]),
+            Form::Percent => own.within([0.0, 100.0]),
+            Form::Number | Form::RateChange | Form::Points | Form::Gain => own,
+        }
+    }
+
+    /// The number as text; a zero has no sign.
+    pub fn number(self, value: f64) -> String {
+        let (signed, unit) = match self {
+            Form::Rate | Form::Number => (false, ""),
+            Form::Percent => (false, "%"),
+            Form::RateChange => (true, ""),
+            Form::Points => (true, "pp"),
+            Form::Gain => (true, "%"),
+        };
+        let write = if signed { num::signed } else { num::fixed };
+        write(value, self.digits()) + unit
+    }
+
+    /// `[0.150, 0.550]`, without units: they stand at the value.
+    pub fn interval(self, [low, high]: [f64; 2]) -> String {
+        let bare = |value| self.number(value).trim_end_matches(['%', 'p']).to_string();
+        format!("[{}, {}]", bare(low), bare(high))
+    }
+}
+
+/// A column of numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Column {
+    /// Name in CSV and JSON.
+    pub key: &'static str,
+    /// Head over several columns.
+    pub group: &'static str,
+    pub head: &'static str,
+    /// Whether more is better; `None` for plain counts.
+    pub upward: Option<bool>,
+    pub form: Form,
+}
+
+/// A number of ours and the paper's, in the column that they belong to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Cell {
+    #[serde(skip)]
+    pub column: Column,
+    pub ours: Option<Estimate>,
+    pub paper: Option<f64>,
+}
+
+/// Numbers of ours by the key of their column; a number that cannot be given is absent.
+pub type Numbers = BTreeMap<&'static str, Estimate>;
+
+impl Cell {
+    /// A cell for each column: what these numbers and figures have under its key.
+    pub fn row(columns: &[Column], ours: &Numbers, paper: Option<&Figures>) -> Vec<Cell> {
+        let cell = |column: &Column| Cell {
+            column: *column,
+            ours: ours.get(column.key).map(|own| column.form.bounded(*own)),
+            paper: paper.and_then(|figures| figures.under(column.key)),
+        };
+        columns.iter().map(cell).collect()
+    }
+}
+
+/// A column of text or of counts, beside the numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Head {
+    /// Name in CSV and JSON.
+    pub key: &'static str,
+    pub head: &'static str,
+}
+
+/// The generator family of a row.
+pub const METHOD: Head = Head { key: "method", head: "Method" };
+/// The ego, or the egos that were averaged over.
+pub const POLICY: Head = Head { key: "policy", head: "Policy" };
+/// Distinct rollouts behind a row.
+pub const ROLLOUTS: Head = Head { key: "rollouts", head: "Rollouts" };
+/// Kinds of the models that proposals came from.
+pub const PROPOSALS: Head = Head { key: "proposals", head: "Proposals" };
+
+/// The method of the first row: the recorded scenes without a program.
+pub const REPLAY: &str = "Replay (no program)";
+
+/// Numbers of a generator family.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// What it is about.
+    pub key: RowKey,
+    /// One a label of the table.
+    pub labels: Vec<String>,
+    /// Lineages that it rests on; none = missing.
+    pub lineages: Vec<String>,
+    /// One a column of the table, in their order.
+    pub cells: Vec<Cell>,
+    /// One a count of the table.
+    pub counts: Vec<usize>,
+    pub proposals: String,
+    /// What stopped those lineages that show no gain.
+    pub notes: Vec<String>,
+}
+
+impl Row {
+    pub fn missing(&self) -> bool {
+        self.lineages.is_empty()
+    }
+
+    /// The cell of the column with this key.
+    #[cfg(test)]
+    pub fn cell(&self, key: &str) -> &Cell {
+        self.cells.iter().find(|cell| cell.column.key == key).unwrap()
+    }
+
+    /// Whether the paper has this row.
+    pub fn in_paper(&self) -> bool {
+        self.cells.iter().any(|cell| cell.paper.is_some())
+    }
+}
+
+/// What one run contributed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RunSource {
+    pub name: String,
+    pub root: String,
+    /// Role -> label of its model.
+    pub models: BTreeMap<String, String>,
+    pub scripted_roles: Vec<String>,
+    /// The egos of its lineages, each once.
+    pub egos: Vec<String>,
+    pub setting: Setting,
+    /// How often each of its searches was made.
+    pub seeds: usize,
+    pub evolution_scenes: usize,
+    pub held_out_scenes: usize,
+    pub epochs: u32,
+    pub attempts: usize,
+    pub rollouts: usize,
+}
+
+/// Rows under one caption.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    /// Ending of its LaTeX label.
+    pub name: String,
+    pub title: String,
+    /// Label of the paper's table, where it has one.
+    pub source: Option<&'static str>,
+    pub rows: Vec<Row>,
+}
+
+impl Part {
+    /// The rows that are printed: a row of the paper's without one of ours beside it says nothing. A note and the JSON form name them.
+    pub fn printed(&self) -> impl Iterator<Item = &Row> {
+        self.rows.iter().filter(|row| !row.missing())
+    }
+}
+
+/// A whole table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    pub name: &'static str,
+    /// Text columns before the numbers.
+    pub labels: Vec<Head>,
+    pub columns: Vec<Column>,
+    /// What the numbers rest on, after them.
+    pub counts: Vec<Head>,
+    pub parts: Vec<Part>,
+    pub runs: Vec<RunSource>,
+    pub notes: Vec<String>,
+}
+
+impl Table {
+    /// The parts that are printed: those with a row that is.
+    pub fn printed(&self) -> Vec<&Part> {
+        self.parts.iter().filter(|part| part.printed().next().is_some()).collect()
+    }
+
+    /// Names of the columns of numbers and counts, as CSV has them.
+    pub fn keys(&self) -> Vec<&'static str> {
+        self.columns.iter().map(|column| column.key).chain(self.counts.iter().map(|count| count.key)).collect()
+    }
+
+    /// The same with these columns and counts alone, in the table's order.
+    pub fn with(&self, keys: &[&str]) -> Table {
+        let mut table = self.clone();
+        let is_kept: Vec<bool> = self.counts.iter().map(|count| keys.contains(&count.key)).collect();
+        table.columns.retain(|column| keys.contains(&column.key));
+        table.counts.retain(|count| keys.contains(&count.key));
+        for row in table.parts.iter_mut().flat_map(|part| &mut part.rows) {
+            row.cells.retain(|cell| keys.contains(&cell.column.key));
+            let mut kept = is_kept.iter();
+            row.counts.retain(|_| kept.next().copied().unwrap_or(false));
+        }
+        table
+    }
+
+    /// What rows are chosen by: their first label, and all of them with `/` between where that is no choice of one.
+    pub fn row_names(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        for row in self.rows().filter(|row| !row.missing()) {
+            names.extend([row.labels[0].clone(), row.labels.join("/")]);
+        }
+        let mut seen = std::collections::BTreeSet::new();
+        names.retain(|name| seen.insert(name.clone()));
+        names
+    }
+
+    /// The same with these rows alone, in the order of the names.
+    pub fn with_rows(&self, names: &[&str]) -> Table {
+        let mut table = self.clone();
+        let place = |row: &Row| {
+            let all = row.labels.join("/");
+            names.iter().position(|name| *name == row.labels[0] || *name == all)
+        };
+        for part in &mut table.parts {
+            part.rows.retain(|row| place(row).is_some());
+            part.rows.sort_by_key(|row| place(row));
+        }
+        table
+    }
+
+    /// All rows, part after part.
+    pub fn rows(&self) -> impl Iterator<Item = &Row> {
+        self.parts.iter().flat_map(|part| &part.rows)
+    }
+
+    /// As one JSON object.
+    pub fn json(&self) -> Json {
+        let row = |part: &Part, row: &Row| {
+            let values: Map<String, Json> =
+                row.cells.iter().map(|cell| (cell.column.key.to_string(), json!(cell))).collect();
+            let mut object = Map::new();
+            object.extend(self.labels.iter().zip(&row.labels).map(|(head, text)| (head.key.to_string(), json!(text))));
+            object.extend(self.counts.iter().zip(&row.counts).map(|(head, n)| (head.key.to_string(), json!(n))));
+            object.extend([
+                ("source".to_string(), json!(part.source)),
+                ("missing".to_string(), json!(row.missing())),
+                ("lineages".to_string(), json!(row.lineages)),
+                ("values".to_string(), Json::Object(values)),
+                (PROPOSALS.key.to_string(), json!(row.proposals)),
+                ("notes".to_string(), json!(row.notes)),
+            ]);
+            Json::Object(object)
+        };
+        let rows: Vec<Json> = self.parts.iter().flat_map(|part| part.rows.iter().map(|r| row(part, r))).collect();
+        json!({"table": self.name, "rows": rows, "runs": self.runs, "notes": self.notes})
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_written_as_the_paper_writes_them() {
+        assert_eq!(Form::Rate.number(0.345), "0.345");
+        assert_eq!(Form::Percent.number(10.66), "10.66%");
+        assert_eq!(Form::Points.number(-6.81), "-6.81pp");
+        assert_eq!(Form::Gain.number(7.4), "+7.4%");
+        assert_eq!(Form::RateChange.interval([-0.05, 0.1]), "[-0.050, +0.100]");
+        assert_eq!(Form::Points.interval([-0.5, 0.25]), "[-0.50, +0.25]");
+    }
+
+    #[test]
+    fn a_zero_has_no_sign_however_it_came_about() {
+        for zero in [0.0, -0.0, 1e-9, -1e-9] {
+            assert_eq!(Form::RateChange.number(zero), "0.000");
+            assert_eq!(Form::Gain.number(zero), "0.0%");
+        }
+    }
+}

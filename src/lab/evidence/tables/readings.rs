@@ -1,0 +1,297 @@
+//! The same labels under several readings of attack: that of the search, what published work counts, and what a careful ego could have
+//! prevented. Every label holds the contact's class and whether it was avoidable, so no reading needs a rollout.
+
+use serde::Serialize;
+use std::collections::BTreeSet;
+
+use super::error::TableError;
+use super::key::{RowKey, Side};
+use super::labels::{self, LineageLabels, Reading, ReplayLabels};
+use super::layout::{Cell, Column, Form, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
+use super::metadrive::{SCENES, SEEDS, estimated, quantity};
+use super::notes;
+use super::paper::{self, metadrive as printed};
+use super::searches::searches;
+use crate::evaluation::ContactClass;
+use crate::evidence::recorded_run::RecordedRun;
+use crate::objects::event::LineageResult;
+use crate::objects::{Met, SceneScore, SolutionId};
+use crate::sim::Fault;
+use crate::statistics::bootstrap::{self, Search};
+
+const fn rate(key: &'static str, group: &'static str, head: &'static str, upward: Option<bool>) -> Column {
+    Column { key, group, head, upward, form: Form::Rate }
+}
+
+const fn change(key: &'static str, group: &'static str) -> Column {
+    Column { key, group, head: "Change", upward: Some(true), form: Form::RateChange }
+}
+
+const SEARCHED: &str = "As searched";
+const PUBLISHED: &str = "Published";
+const PREVENTABLE: &str = "Preventable";
+const BLAMED: &str = "At fault";
+
+/// A contact that the program brought about, as far as a label says it: with an adversary of a program that acts in the scene, and not
+/// one that the ego runs into without it. Which of several adversaries acts is in the rollout's record alone.
+fn brought_about(scene: &SceneScore) -> Option<&Met> {
+    scene.contact.as_ref().filter(|met| scene.acted && met.adversary && !met.anyway)
+}
+
+/// Whether the ego is struck from behind.
+pub fn is_ram(met: &Met) -> bool {
+    met.class == ContactClass::RearEndEgoStruck.name()
+}
+
+/// Whether a careful ego would have prevented it; `None` where nobody assessed it.
+pub fn prevented(met: &Met) -> Option<bool> {
+    met.avoidable.map(|_| could_be_prevented(met))
+}
+
+fn could_be_prevented(met: &Met) -> bool {
+    let class = ContactClass::ALL.into_iter().find(|class| class.name() == met.class);
+    class.is_some_and(|class| class.could_be_prevented(met.avoidable))
+}
+
+/// Any contact that the program brought about, whoever caused it.
+pub(super) const BROUGHT_ABOUT: Reading = |scene| brought(scene, |_| true);
+/// Of these the rams from behind.
+const RAMS: Reading = |scene| brought(scene, is_ram);
+/// Of these what stands.
+const STANDING: Reading = |scene| brought(scene, |met| met.class == ContactClass::StationaryHit.name());
+/// Of these what a careful ego could have avoided, of every class alike but rams from behind.
+pub(super) const COULD_BE_PREVENTED: Reading = |scene| brought(scene, could_be_prevented);
+/// Of these for which the ego is at fault by nuPlan's rule; `None` where the outcome of a contact does not say it.
+pub(super) const AT_FAULT: Reading = |scene| {
+    let unsaid = scene.each().filter_map(brought_about).any(|met| met.fault.is_none());
+    if unsaid { None } else { brought(scene, |met| fault_of(met).is_some_and(Fault::is_egos)) }
+};
+
+/// The clause of nuPlan's rule that decides of a contact.
+fn fault_of(met: &Met) -> Option<Fault> {
+    met.fault.as_deref().and_then(Fault::named)
+}
+
+/// The share of a scene's drivers with a contact that the program brought about and for which something holds.
+fn brought(scene: &SceneScore, holds: fn(&Met) -> bool) -> Option<f64> {
+    labels::over_drivers(scene, |label| brought_about(label).is_some_and(holds))
+}
+
+/// What a lineage's parent and its reported program come to on the held-out scenes where only preventable contacts count, as shares of scenes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LineagePreventable {
+    pub lineage: String,
+    pub parent: f64,
+    pub evolved: f64,
+    /// The same of contacts for which the ego is at fault by nuPlan's rule, where outcomes say it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at_fault: Option<[f64; 2]>,
+}
+
+impl LineagePreventable {
+    /// `None` where the record lacks the labels of one of the two, and under SafeBench's protocol, which has a measure of its own.
+    pub fn of(run: &RecordedRun, result: &LineageResult) -> Option<LineagePreventable> {
+        let share = |solution: &SolutionId, reading: Reading| {
+            let score = run.held_out_score(&result.lineage, solution)?;
+            let counted = score.scenes.iter().filter_map(reading).sum::<f64>();
+            (score.benchmark.is_none() && !score.scenes.is_empty()).then(|| counted / score.scenes.len() as f64)
+        };
+        let both = |reading: Reading| {
+            Some([share(&result.parent.solution, reading)?, share(&result.evolved.solution, reading)?])
+        };
+        let [parent, evolved] = both(COULD_BE_PREVENTED)?;
+        let says = |solution: &SolutionId| {
+            let score = run.held_out_score(&result.lineage, solution)?;
+            Some(score.scenes.iter().filter_map(brought_about).any(|met| met.fault.is_some()))
+        };
+        let assessed =
+            [&result.parent.solution, &result.evolved.solution].into_iter().filter_map(says).any(|said| said);
+        let at_fault = if assessed { both(AT_FAULT) } else { None };
+        Some(LineagePreventable { lineage: result.lineage.to_string(), parent, evolved, at_fault })
+    }
+}
+
+/// The contacts that one program of a search brings about, as shares of held-out scenes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contacts {
+    /// Of any class.
+    pub all: f64,
+    /// Of each class, in the order of [`ContactClass::ALL`].
+    pub by_class: Vec<(ContactClass, f64)>,
+    /// What a careful ego could have prevented of them.
+    pub preventable: f64,
+}
+
+/// The contacts of a search's parent and of its reported program, its repetitions together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SearchedContacts {
+    pub method: String,
+    pub policy: String,
+    pub parent: Contacts,
+    pub evolved: Contacts,
+}
+
+/// The contacts of every search of these runs, in their order.
+///
+/// # Errors
+/// An unfinished run, one of the other protocol.
+pub fn searched_contacts(runs: &[RecordedRun]) -> Result<Vec<SearchedContacts>, TableError> {
+    let all = labels::lineages(runs)?;
+    let of_side = |of: &[&LineageLabels], side: Side| {
+        let share = |read: &dyn Fn(&SceneScore) -> Option<f64>| {
+            let estimates = bootstrap::estimates(&[quantity(of, |l| l.read(side, read))]);
+            estimates.into_iter().flatten().next().map_or(0.0, |share| share.value)
+        };
+        let of_class = |class: ContactClass| {
+            let of = move |scene: &SceneScore| brought_about(scene).is_some_and(|met| met.class == class.name());
+            (class, share(&move |scene| Some(labels::share(of(scene)))))
+        };
+        Contacts {
+            all: share(&BROUGHT_ABOUT),
+            by_class: ContactClass::ALL.into_iter().map(of_class).collect(),
+            preventable: share(&COULD_BE_PREVENTED),
+        }
+    };
+    let searched = |of: &Vec<&LineageLabels>| SearchedContacts {
+        method: of[0].label.clone(),
+        policy: of[0].policy.clone(),
+        parent: of_side(of, Side::Parent),
+        evolved: of_side(of, Side::Evolved),
+    };
+    Ok(searches(all.iter()).iter().map(searched).collect())
+}
+
+/// Columns with the side and the reading that each is a mean of.
+const READ: [(Column, Side, Reading); 14] = [
+    (rate("parent_attack", SEARCHED, "Parent", Some(true)), Side::Parent, labels::ATTACK),
+    (rate("evolved_attack", SEARCHED, "Evolved", Some(true)), Side::Evolved, labels::ATTACK),
+    (change("attack_change", SEARCHED), Side::Change, labels::ATTACK),
+    (PUBLISHED_PARENT, Side::Parent, BROUGHT_ABOUT),
+    (PUBLISHED_EVOLVED, Side::Evolved, BROUGHT_ABOUT),
+    (change("published_change", PUBLISHED), Side::Change, BROUGHT_ABOUT),
+    (rate("evolved_rams", PUBLISHED, "From behind", None), Side::Evolved, RAMS),
+    (rate("evolved_standing", PUBLISHED, "Standing", None), Side::Evolved, STANDING),
+    (rate("preventable_parent", PREVENTABLE, "Parent", Some(true)), Side::Parent, COULD_BE_PREVENTED),
+    (rate("preventable_evolved", PREVENTABLE, "Evolved", Some(true)), Side::Evolved, COULD_BE_PREVENTED),
+    (change("preventable_change", PREVENTABLE), Side::Change, COULD_BE_PREVENTED),
+    (rate("at_fault_parent", BLAMED, "Parent", Some(true)), Side::Parent, AT_FAULT),
+    (rate("at_fault_evolved", BLAMED, "Evolved", Some(true)), Side::Evolved, AT_FAULT),
+    (change("at_fault_change", BLAMED), Side::Change, AT_FAULT),
+];
+/// Those of them that every label tells.
+const TOLD_BY_ALL: usize = 11;
+const PUBLISHED_PARENT: Column = rate("published_parent", PUBLISHED, "Parent", Some(true));
+const PUBLISHED_EVOLVED: Column = rate("published_evolved", PUBLISHED, "Evolved", Some(true));
+
+/// Side and reading of a column.
+pub(super) fn read_of(key: &str) -> Option<(Side, Reading)> {
+    READ.iter().find(|(column, ..)| column.key == key).map(|(_, side, reading)| (*side, *reading))
+}
+
+/// The columns: with those of who is at fault where some outcome says it (`simulator.at_fault`, `table --at-fault`).
+fn columns_of(all: &[LineageLabels]) -> &'static [(Column, Side, Reading)] {
+    let says = |label: &SceneScore| label.each().filter_map(|of| of.contact.as_ref()).any(|met| met.fault.is_some());
+    let some = |lineage: &LineageLabels| {
+        let share = |label: &SceneScore| Some(labels::share(says(label)));
+        [Side::Parent, Side::Evolved].iter().any(|side| lineage.read(*side, share).values.contains(&Some(1.0)))
+    };
+    if all.iter().any(some) { &READ } else { &READ[..TOLD_BY_ALL] }
+}
+
+/// Attack of parent and evolved generator on held-out scenes by three readings, a row a method and ego.
+pub fn metadrive_readings(runs: &[RecordedRun]) -> Result<Table, TableError> {
+    let all = labels::lineages(runs)?;
+    let read = columns_of(&all);
+    let mut rows: Vec<Row> = labels::replays(runs)?.iter().map(|of| replay_row(of, read)).collect();
+    rows.extend(searches(all.iter()).iter().map(|of| row(of, read)));
+    let notes = notes(runs, &all, &rows);
+    Ok(Table {
+        name: "metadrive-readings",
+        labels: vec![METHOD, POLICY],
+        columns: read.iter().map(|(column, ..)| *column).collect(),
+        counts: vec![SCENES, SEEDS, ROLLOUTS],
+        parts: vec![Part {
+            name: "metadrive-readings".into(),
+            title: "Attack in MetaDrive by three readings of the same contacts".into(),
+            source: Some(printed::POLICY_LABEL),
+            rows,
+        }],
+        runs: notes::runs(runs)?,
+        notes,
+    })
+}
+
+fn row(of: &[&LineageLabels], read: &[(Column, Side, Reading)]) -> Row {
+    let quantities = read.iter().map(|(column, side, reading)| (*column, quantity(of, |l| l.read(*side, reading))));
+    let ours = estimated(&quantities.collect::<Vec<_>>());
+    let suites: BTreeSet<_> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
+    let kinds: BTreeSet<&str> = of.iter().map(|l| l.proposals.as_str()).collect();
+    Row {
+        key: RowKey::of(of.iter().map(|l| l.key())),
+        labels: vec![of[0].label.clone(), of[0].policy.clone()],
+        lineages: of.iter().map(|l| l.lineage.to_string()).collect(),
+        cells: cells(&ours, of[0], read),
+        counts: vec![suites.iter().map(|(_, n)| n).sum(), of.len(), of.iter().map(|l| l.rollouts).sum()],
+        proposals: kinds.into_iter().collect::<Vec<_>>().join(" + "),
+        notes: Vec::new(),
+    }
+}
+
+/// The paper counts collisions, so its figures stand beside the published reading.
+fn cells(ours: &Numbers, of: &LineageLabels, read: &[(Column, Side, Reading)]) -> Vec<Cell> {
+    let theirs = of.method.zip(paper::policy_name(&of.ego));
+    let theirs = theirs.and_then(|(method, policy)| printed::policy_figures(method.name, policy));
+    let figure = |column: &Column| {
+        let key = match *column {
+            PUBLISHED_PARENT => "parent_attack",
+            PUBLISHED_EVOLVED => "evolved_attack",
+            _ => return None,
+        };
+        theirs.as_ref()?.under(key)
+    };
+    let columns: Vec<Column> = read.iter().map(|(column, ..)| *column).collect();
+    let cells = Cell::row(&columns, ours, None);
+    cells.into_iter().map(|cell| Cell { paper: figure(&cell.column), ..cell }).collect()
+}
+
+/// Without a program nothing is brought about.
+fn replay_row(replay: &ReplayLabels, read: &[(Column, Side, Reading)]) -> Row {
+    let search = Search { id: replay.suite, seeds: vec![replay.per_scene(|_| Some(0.0))] };
+    let parents = read.iter().filter(|(_, side, _)| *side == Side::Parent);
+    let ours: Vec<_> = parents.map(|(column, ..)| (*column, vec![search.clone()])).collect();
+    let columns: Vec<Column> = read.iter().map(|(column, ..)| *column).collect();
+    Row {
+        key: RowKey::Replay { egos: vec![replay.key()], metric: None },
+        labels: vec![REPLAY.to_string(), replay.policy.clone()],
+        lineages: vec![format!("replay/{}", replay.ego)],
+        cells: Cell::row(&columns, &estimated(&ours), None),
+        counts: vec![replay.scenes.len(), 1, replay.scenes.iter().flatten().count()],
+        proposals: "none".into(),
+        notes: Vec::new(),
+    }
+}
+
+fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row]) -> Vec<String> {
+    let mut notes = vec![
+        "Shares of held-out scenes. As searched: the contacts that the experiment counts (evaluation.attack). Published: any contact with \
+         an adversary that the program brought about, whoever caused it, as published work counts collisions. From behind and Standing: \
+         the part of the evolved program's published contacts in which the ego is rammed from behind, or runs into somebody who stands. \
+         Preventable: the part that a careful ego could have avoided by braking or swerving, asked of every class alike, rams from \
+         behind left out."
+            .to_string(),
+        "A search is steered by the first reading alone: under another one its numbers show what it got on the way. The paper's attack \
+         counts collisions, so its figures stand beside the published reading; whether a road user is met that the ego runs into without \
+         the program is not asked there. A label says whether the program acts in a scene, not who of several adversaries does: where \
+         one of them moves and the ego meets another that repeats its recording, the last two readings count it, and the first does not."
+            .to_string(),
+        notes::intervals("held-out scenes") + " Differences are paired by scene.",
+    ];
+    if columns_of(all).len() > TOLD_BY_ALL {
+        notes.push("At fault: the part of the published contacts for which the ego is, by nuPlan's rule; reported, not searched.".into());
+    }
+    notes.extend(notes::one_seed(&notes::repeats(all.iter()), "held-out scenes"));
+    notes.extend(notes::all_alike(rows, 0, |column| column.form == Form::Rate));
+    notes.extend(notes::of_runs(runs));
+    notes.extend(notes::different_versions(runs));
+    notes
+}

@@ -1,0 +1,386 @@
+//! Programs against drivers that they were not evolved on: rows are what a program was evolved on, columns who drives, on scenes that no
+//! search has seen. Every program is planned around whoever drives: what is carried over is the generator, not a recorded scene.
+
+use std::collections::BTreeSet;
+
+use super::key::RowKey;
+use super::labels::{self, Labels, Reading};
+use super::layout::{Cell, Column, Form, Head, METHOD, Part, Row, Table};
+use super::metadrive::{SCENES, SEEDS, estimated};
+use super::notes;
+use super::readings::{AT_FAULT, BROUGHT_ABOUT, COULD_BE_PREVENTED};
+use crate::kernel::{Digest, num};
+use crate::objects::{SceneScore, Score};
+use crate::statistics::bootstrap::{self, Estimate, PerScene, Quantity, Search};
+
+/// One lineage's reported program and its parent.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Line {
+    /// The family as tables call it.
+    pub family: String,
+    /// Who proposed, and against whom: `random patches on pdm`.
+    pub evolved_on: String,
+    /// Which repetition of its search.
+    pub replica: u32,
+    /// Places in [`Transferred::scores`].
+    pub parent: usize,
+    pub program: usize,
+}
+
+/// What programs came to against several drivers on one list of scenes.
+#[derive(Clone, Debug)]
+pub struct Transferred {
+    /// Digest of the pool.
+    pub pool: Digest,
+    pub scenes: Vec<String>,
+    /// By their names in [`DRIVERS`].
+    pub drivers: Vec<&'static str>,
+    pub lines: Vec<Line>,
+    /// Program, then driver.
+    pub scores: Vec<Vec<Score>>,
+}
+
+/// The drivers that can be columns: name, weights that the program carries or policy, head.
+pub const DRIVERS: [(&str, &str, &str); 7] = [
+    ("idm", "idm", "IDM"),
+    ("idm-lights", "idm-lights", "IDM, lights"),
+    ("pdm", "pdm", "PDM"),
+    ("frenet", "frenet", "Frenet"),
+    ("replay", "replay", "Replay"),
+    ("sac-metadrive", "evodrive:sac-metadrive", "SAC"),
+    ("sac-metadrive-2", "evodrive:sac-metadrive-2", "SAC 2"),
+];
+
+const EVOLVED_ON: Head = Head { key: "evolved_on", head: "Evolved on" };
+/// The row of programs that nobody evolved.
+const PARENT: &str = "parent";
+/// The rows over all families.
+const ALL: &str = "all families";
+
+const READINGS: [(&str, &str, Reading); 3] = [
+    ("published", "Published: any contact with an adversary that the program brought about", BROUGHT_ABOUT),
+    ("preventable", "Preventable: the part that a careful driver avoids", COULD_BE_PREVENTED),
+    ("at-fault", "At fault: the part for which the driver is, by nuPlan's rule", AT_FAULT),
+];
+
+/// The programs of one row: a quantity has a search a family and a seed a repetition.
+struct RowOf<'t> {
+    family: Option<&'t str>,
+    evolved_on: &'t str,
+    lines: Vec<&'t Line>,
+}
+
+impl RowOf<'_> {
+    fn is_parent(&self) -> bool {
+        self.evolved_on == PARENT
+    }
+}
+
+impl Transferred {
+    /// The row of parents first, then what they were evolved on in the order of the lines; over all families, or of one.
+    fn rows<'t>(&'t self, family: Option<&'t str>) -> Vec<RowOf<'t>> {
+        let own: Vec<&Line> = self.lines.iter().filter(|line| family.is_none_or(|of| line.family == of)).collect();
+        let mut all = vec![RowOf { family, evolved_on: PARENT, lines: Vec::new() }];
+        for line in own {
+            // Of equal parents of a family one is enough.
+            if !all[0].lines.iter().any(|known| (&known.family, known.parent) == (&line.family, line.parent)) {
+                all[0].lines.push(line);
+            }
+            match all[1..].iter_mut().find(|row| row.evolved_on == line.evolved_on) {
+                Some(row) => row.lines.push(line),
+                None => all.push(RowOf { family, evolved_on: &line.evolved_on, lines: vec![line] }),
+            }
+        }
+        all
+    }
+
+    fn families(&self) -> Vec<&str> {
+        let mut seen = BTreeSet::new();
+        self.lines.iter().map(|line| line.family.as_str()).filter(|family| seen.insert(*family)).collect()
+    }
+
+    /// Which scenes: the streams of the bootstrap are named by them.
+    fn suite(&self) -> Digest {
+        Digest::of_bytes(format!("{} {}", self.pool, self.scenes.join("\n")).as_bytes())
+    }
+
+    fn values(&self, program: usize, driver: usize, of: Reading) -> Vec<Option<f64>> {
+        Labels::of(&self.scores[program][driver], &self.scenes).values(of)
+    }
+
+    /// The row's numbers against one driver, scene by scene: its programs', or those less their parents' where `change` is asked for.
+    fn quantity(&self, row: &RowOf<'_>, driver: usize, (of, change): (Reading, bool)) -> Quantity {
+        let per_scene = |line: &Line| {
+            let program = if row.is_parent() { line.parent } else { line.program };
+            let own = self.values(program, driver, of);
+            let values = if change {
+                let before = self.values(line.parent, driver, of);
+                own.into_iter().zip(before).map(|(after, before)| Some(after? - before?)).collect()
+            } else {
+                own
+            };
+            PerScene { suite: self.suite(), values }
+        };
+        let each: Vec<(&str, PerScene)> =
+            row.lines.iter().map(|line| (line.family.as_str(), per_scene(line))).collect();
+        let families: BTreeSet<&str> = each.iter().map(|(family, _)| *family).collect();
+        let search = |family: &str| Search {
+            id: Digest::of_bytes(family.as_bytes()),
+            seeds: each.iter().filter(|(of, _)| *of == family).map(|(_, part)| part.clone()).collect(),
+        };
+        families.into_iter().map(search).collect()
+    }
+
+    fn columns(&self) -> Vec<Column> {
+        let column = |name: &&'static str| {
+            let (key, _, head) = DRIVERS.into_iter().find(|(known, ..)| known == name)?;
+            Some(Column { key, group: "Driven by", head, upward: Some(true), form: Form::Rate })
+        };
+        self.drivers.iter().filter_map(column).collect()
+    }
+
+    fn row(&self, of: &RowOf<'_>, (reading, change): (Reading, bool)) -> Row {
+        let columns = self.columns();
+        let numbered = columns.iter().enumerate();
+        let quantities: Vec<(Column, Quantity)> =
+            numbered.map(|(driver, column)| (*column, self.quantity(of, driver, (reading, change)))).collect();
+        let form = if change { Form::RateChange } else { Form::Rate };
+        let columns: Vec<Column> = columns.into_iter().map(|column| Column { form, ..column }).collect();
+        let replicas: BTreeSet<u32> = of.lines.iter().map(|line| line.replica).collect();
+        Row {
+            key: RowKey::Elsewhere,
+            labels: vec![of.family.unwrap_or(ALL).to_string(), of.evolved_on.to_string()],
+            lineages: of.lines.iter().map(|line| format!("{} {}", line.family, line.evolved_on)).collect(),
+            cells: Cell::row(&columns, &estimated(&quantities), None),
+            counts: vec![self.scenes.len(), if of.is_parent() { 1 } else { replicas.len() }],
+            proposals: String::new(),
+            notes: Vec::new(),
+        }
+    }
+
+    /// Row labels and shares by driver of one reading over all families: what a heat map shows.
+    pub fn matrix(&self, reading: &str) -> Vec<(String, Vec<Option<f64>>)> {
+        let Some((.., of)) = READINGS.into_iter().find(|(name, ..)| *name == reading) else { return Vec::new() };
+        let cells = |row: &RowOf<'_>| {
+            let quantities: Vec<Quantity> =
+                (0..self.drivers.len()).map(|driver| self.quantity(row, driver, (of, false))).collect();
+            let estimates = bootstrap::estimates(&quantities);
+            (row.evolved_on.to_string(), estimates.iter().map(|of: &Option<Estimate>| of.map(|of| of.value)).collect())
+        };
+        self.rows(None).iter().map(cells).collect()
+    }
+
+    /// Names of the readings, and what a panel of each is called.
+    pub const PANELS: [(&'static str, &'static str); 3] =
+        [("published", "Published"), ("preventable", "Preventable"), ("at-fault", "At fault")];
+}
+
+/// The matrix by three readings, and what each row adds to its parents, paired by scene. `by_family` adds a row a family.
+pub fn transfer(of: &Transferred, by_family: bool) -> Table {
+    let families = if by_family { of.families() } else { Vec::new() };
+    let mut rows = of.rows(None);
+    rows.extend(families.into_iter().flat_map(|family| of.rows(Some(family))));
+    let part = |(name, title, reading): (&str, &str, Reading), change: bool| Part {
+        name: format!("transfer-{name}{}", if change { "-change" } else { "" }),
+        title: if change { format!("{title}; change over the parent, paired by scene") } else { title.to_string() },
+        source: None,
+        rows: rows
+            .iter()
+            .filter(|row| !(change && row.is_parent()))
+            .map(|row| of.row(row, (reading, change)))
+            .collect(),
+    };
+    let parts = READINGS.into_iter().flat_map(|reading| [part(reading, false), part(reading, true)]).collect();
+    Table {
+        name: "transfer",
+        labels: vec![METHOD, EVOLVED_ON],
+        columns: of.columns(),
+        counts: vec![SCENES, SEEDS],
+        parts,
+        runs: Vec::new(),
+        notes: notes(of),
+    }
+}
+
+fn notes(of: &Transferred) -> Vec<String> {
+    let without = |row: &RowOf<'_>| {
+        let own: BTreeSet<&str> = row.lines.iter().map(|line| line.family.as_str()).collect();
+        let lacking: Vec<&str> = of.families().into_iter().filter(|family| !own.contains(family)).collect();
+        (!lacking.is_empty()).then(|| format!("The row {:?} has no program of {}.", row.evolved_on, lacking.join(", ")))
+    };
+    let failed: usize = of.scores.iter().flatten().map(|score| score.failures.len()).max().unwrap_or(0);
+    let mut notes = vec![
+        "Shares of scenes that no search has seen. A program is planned around whoever drives, so what is carried over is the generator. \
+         Rows over all families are means over these; a family's parent counts once."
+            .to_string(),
+        notes::intervals("scenes") + " Changes are paired by scene with the program's own parent.",
+    ];
+    if failed > 0 {
+        notes.push(format!("Up to {failed} scenes of a program have no label against a driver and count nowhere."));
+    }
+    notes.extend(of.rows(None).iter().filter_map(without));
+    notes
+}
+
+/// Rank agreement of two judges about the same programs: Kendall's tau-b, exact over the pairs; `None` where one of them tells no two
+/// programs apart.
+pub fn kendall_tau_b(one: &[f64], other: &[f64]) -> Option<f64> {
+    let (mut concordant, mut discordant, mut tied_one, mut tied_other) = (0_i64, 0_i64, 0_i64, 0_i64);
+    for i in 0..one.len().min(other.len()) {
+        for j in 0..i {
+            let (a, b) = (one[i].total_cmp(&one[j]) as i64, other[i].total_cmp(&other[j]) as i64);
+            concordant += i64::from(a * b > 0);
+            discordant += i64::from(a * b < 0);
+            tied_one += i64::from(a == 0 && b != 0);
+            tied_other += i64::from(b == 0 && a != 0);
+        }
+    }
+    let both = concordant + discordant;
+    let scale = ((both + tied_one) as f64) * ((both + tied_other) as f64);
+    (scale > 0.0).then(|| (concordant - discordant) as f64 / scale.sqrt())
+}
+
+/// Who judges a contact.
+type Judge = (&'static str, Reading);
+
+/// Judges of the same contacts: each says which of them count.
+const JUDGES: [Judge; 5] = [
+    ("published", BROUGHT_ABOUT),
+    ("at fault (nuPlan)", AT_FAULT),
+    ("careful driver avoids", COULD_BE_PREVENTED),
+    ("some of the jury avoid", |scene| avoided(scene, |avoid, _| avoid > 0)),
+    ("all of the jury avoid", |scene| avoided(scene, |avoid, of| of > 0 && avoid == of)),
+];
+
+/// The share of a scene's drivers with a contact about which the jury of docs/OBJECTIVES.md section 3 says so.
+fn avoided(scene: &SceneScore, says: fn(usize, usize) -> bool) -> Option<f64> {
+    labels::met(scene, |met| met.adversary && !met.anyway && met.avoided_by.is_some_and(|[avoid, of]| says(avoid, of)))
+}
+
+/// How alike judges rank the programs, against one driver: a Markdown table of Kendall's tau-b, one judge a row and column.
+pub fn judges(of: &Transferred, driver: usize) -> String {
+    let share = |program: usize, judge: Reading| {
+        let values: Vec<f64> = of.values(program, driver, judge).into_iter().flatten().collect();
+        num::mean(&values).unwrap_or(0.0)
+    };
+    let ranked: Vec<Vec<f64>> =
+        JUDGES.iter().map(|(_, judge)| (0..of.scores.len()).map(|program| share(program, *judge)).collect()).collect();
+    let mut out = format!("| {} programs | {} |\n|---", of.scores.len(), JUDGES.map(|(name, _)| name).join(" | "));
+    out += &"|--:".repeat(JUDGES.len());
+    out += "|\n";
+    for (row, (name, _)) in JUDGES.iter().enumerate() {
+        let cell = |column: usize| {
+            kendall_tau_b(&ranked[row], &ranked[column]).map_or("–".to_string(), |tau| num::signed(tau, 2))
+        };
+        let cells: Vec<String> = (0..JUDGES.len()).map(cell).collect();
+        out += &format!("| {name} | {} |\n", cells.join(" | "));
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluation::score_of;
+    use crate::objects::Met;
+    use crate::sim::Fault;
+
+    fn label(place: usize) -> SceneScore {
+        SceneScore {
+            scene: format!("scene-{place}"),
+            attack: 0.0,
+            realism: 1.0,
+            acted: true,
+            diagnostics: Default::default(),
+            metrics: Default::default(),
+            contact: None,
+            intervened: true,
+            by_ego: Default::default(),
+            request: Digest::of_bytes(&[]),
+            record: Digest::of_bytes(&[]),
+        }
+    }
+
+    /// Contacts in the first of ten scenes; each of a fault of the ego's, or not.
+    fn score(contacts: usize, fault: Fault) -> Score {
+        let mut score = score_of((0..10).map(label).collect(), Vec::new(), Default::default()).unwrap();
+        for scene in score.scenes.iter_mut().take(contacts) {
+            scene.contact = Some(Met {
+                adversary: true,
+                class: "cut_in".into(),
+                avoidable: Some(fault.is_egos()),
+                fault: Some(fault.name().into()),
+                avoided_by: Some([1, 4]),
+                anyway: false,
+            });
+        }
+        score
+    }
+
+    fn example() -> Transferred {
+        let lines = vec![
+            Line { family: "CAT".into(), evolved_on: "rules on idm".into(), replica: 0, parent: 0, program: 1 },
+            Line { family: "AT".into(), evolved_on: "rules on idm".into(), replica: 0, parent: 0, program: 2 },
+        ];
+        let scores = vec![
+            vec![score(2, Fault::ActiveFront), score(1, Fault::ActiveFront)],
+            vec![score(8, Fault::ActiveFront), score(2, Fault::ActiveRear)],
+            vec![score(6, Fault::ActiveFront), score(0, Fault::ActiveRear)],
+        ];
+        let scenes = scores[0][0].scenes.iter().map(|scene| scene.scene.clone()).collect();
+        Transferred { pool: Digest::of_bytes(b"pool"), scenes, drivers: vec!["idm", "pdm"], lines, scores }
+    }
+
+    fn value(table: &Table, part: &str, row: usize, key: &str) -> f64 {
+        let part = table.parts.iter().find(|of| of.name == part).unwrap();
+        part.rows[row].cell(key).ours.unwrap().value
+    }
+
+    #[test]
+    fn each_column_is_the_driver_that_it_names() {
+        let table = transfer(&example(), false);
+        let shares = |part: &str, row: usize| ["idm", "pdm"].map(|driver| value(&table, part, row, driver));
+        assert_eq!(shares("transfer-published", 0), [0.2, 0.1]);
+        assert_eq!(shares("transfer-published", 1), [0.7, 0.1]);
+        assert_eq!(shares("transfer-at-fault", 1), [0.7, 0.0]);
+        let change = shares("transfer-published-change", 0);
+        assert!((change[0] - 0.5).abs() < 1e-12 && change[1].abs() < 1e-12, "{change:?}");
+    }
+
+    #[test]
+    fn a_row_a_family_says_what_the_mean_hides() {
+        let table = transfer(&example(), true);
+        let part = table.parts.iter().find(|of| of.name == "transfer-published").unwrap();
+        let named: Vec<String> = part.rows.iter().map(|row| row.labels.join("/")).collect();
+        let cat = named.iter().position(|name| name == "CAT/rules on idm").unwrap();
+        assert_eq!(value(&table, "transfer-published", cat, "idm"), 0.8);
+    }
+
+    #[test]
+    fn a_contact_whose_outcome_does_not_say_whose_fault_it_is_counts_nowhere() {
+        let mut of = example();
+        of.scores[1][0].scenes[0].contact.as_mut().unwrap().fault = None;
+        let table = transfer(&of, true);
+        let part = table.parts.iter().find(|of| of.name == "transfer-at-fault").unwrap();
+        let row = part.rows.iter().find(|row| row.labels == ["CAT", "rules on idm"]).unwrap();
+        assert!((row.cell("idm").ours.unwrap().value - 7.0 / 9.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn judges_who_rank_alike_agree_and_who_rank_in_reverse_do_not() {
+        assert_eq!(kendall_tau_b(&[1.0, 2.0, 3.0], &[10.0, 20.0, 30.0]), Some(1.0));
+        assert_eq!(kendall_tau_b(&[1.0, 2.0, 3.0], &[3.0, 2.0, 1.0]), Some(-1.0));
+        assert_eq!(kendall_tau_b(&[1.0, 1.0], &[3.0, 2.0]), None);
+        // Five pairs of one order, one tied by one judge: 5 / sqrt(6 · 5).
+        let tau = kendall_tau_b(&[1.0, 2.0, 3.0, 4.0], &[1.0, 2.0, 3.0, 3.0]).unwrap();
+        assert!((tau - 5.0 / 30.0_f64.sqrt()).abs() < 1e-12, "{tau}");
+    }
+
+    #[test]
+    fn a_jury_of_whom_one_in_four_avoids_is_some_and_not_all() {
+        let text = judges(&example(), 0);
+        assert!(text.contains("some of the jury avoid") && text.lines().count() == 2 + JUDGES.len(), "{text}");
+        let all = text.lines().last().unwrap();
+        assert!(all.ends_with("| – | – | – | – | – |"), "nobody's contact is avoided by all: {all}");
+    }
+}

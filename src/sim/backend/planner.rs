@@ -1,0 +1,231 @@
+//! One planner process as the driver of a rollout: what it is told and when, and how its answers are read.
+
+use std::time::Duration;
+
+use super::lines::{Answered, Asked, Ending, Labelled, Message, Wish, begun, is_word, observation};
+use super::workers::{Broken, Line, start_of};
+use crate::kernel::{Seed, Vec2};
+use crate::scene::DT_S;
+use crate::sim::bicycle::Car;
+use crate::sim::{Control, Driver, End, Outcome, Plant, View};
+
+/// Points of a trajectory that are looked at: half a second of them.
+const POINTS_AHEAD: usize = 5;
+
+/// How long a line is waited for that nobody asked for, behind the last decision of a rollout.
+const UNASKED: Duration = Duration::from_millis(20);
+
+/// Why a planner drove no further.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Refusal {
+    /// What is recorded: words of ours alone, the same in every folder and for every user.
+    pub reason: String,
+    /// What the process printed in place of an answer. It is shown, and not recorded.
+    pub printed: String,
+    /// Whether it took longer than it may.
+    pub late: bool,
+}
+
+impl Refusal {
+    fn of(reason: impl Into<String>, printed: &[u8]) -> Refusal {
+        Refusal { reason: reason.into(), printed: start_of(printed), late: false }
+    }
+
+    fn broken(broken: &Broken, limit: Duration) -> Refusal {
+        Refusal { late: *broken == Broken::Late, ..Refusal::of(why(broken, limit), b"") }
+    }
+}
+
+/// A process that drives one rollout.
+pub(super) struct Planner<'p> {
+    line: &'p mut dyn Line,
+    limit: Duration,
+    seed: Seed,
+    asked: Asked,
+    /// What went wrong, and at which decision.
+    broken: Option<Refusal>,
+    /// At which decision it abandoned the scene, and the word for why.
+    abandoned: Option<(usize, String)>,
+    /// What it decided, within the car's limits: acceleration (m/s²) and steering angle (rad).
+    controls: Vec<[f64; 2]>,
+    /// How the rollout ended whose labels it is yet to be told.
+    ended: Option<(End, usize)>,
+    /// Nobody waits for it any more; of the scene that says nothing.
+    stopped: bool,
+}
+
+impl<'p> Planner<'p> {
+    pub fn new(line: &'p mut dyn Line, limit: Duration, seed: Seed, asked: Asked) -> Planner<'p> {
+        let controls = Vec::new();
+        Planner { line, limit, seed, asked, broken: None, abandoned: None, controls, ended: None, stopped: false }
+    }
+
+    /// What it decided so far, one a decision.
+    pub fn controls(&mut self) -> Vec<[f64; 2]> {
+        std::mem::take(&mut self.controls)
+    }
+
+    /// Whether it drove no further because nobody waits for it any more.
+    pub fn was_stopped(&self) -> bool {
+        self.stopped
+    }
+
+    /// Whether it is to be told what came of its rollout.
+    pub fn awaits_labels(&self) -> bool {
+        self.ended.is_some()
+    }
+
+    /// Says what came of a rollout that ended, to who asked for it.
+    pub fn tell_labels(&mut self, outcome: &Outcome) {
+        if let Some((end, steps)) = self.ended.take() {
+            self.close(steps, &Message::End { end: Ending::Driven(end), steps, labels: Some(Labelled::of(outcome)) });
+        }
+    }
+
+    /// In words, at which decision it abandoned the scene and why, if it did. It goes on with the next one.
+    pub fn abandoned(&mut self) -> Option<String> {
+        let (steps, word) = self.abandoned.take()?;
+        self.close(steps, &Message::End { end: Ending::Abandoned, steps, labels: None });
+        Some(format!("decision {steps} ({:.1} s): {word}", steps as f64 * DT_S))
+    }
+
+    /// Why it drove no further, if it did not.
+    pub fn broken(self) -> Option<Refusal> {
+        self.broken
+    }
+
+    fn say(&mut self, message: &Message<'_>) {
+        match serde_json::to_string(message) {
+            Ok(line) => self.line.send(line),
+            Err(error) => unreachable!("texts, lists and finite numbers under text keys: {error}"),
+        }
+    }
+
+    /// Says the last words of a rollout, to which nobody answers.
+    fn close(&mut self, steps: usize, message: &Message<'_>) {
+        self.say(message);
+        if let (None, Ok(bytes)) = (&self.broken, self.line.receive(UNASKED)) {
+            let reason = format!("behind decision {steps}: {AFTER}");
+            self.broken = Some(Refusal::of(reason, &bytes));
+        }
+    }
+
+    fn ask(&mut self, view: &View<'_>) -> Result<Wish, Refusal> {
+        // Taken for the answer, it would be one to an earlier question, and so would every later one.
+        match self.line.early() {
+            None => {}
+            Some(Ok(bytes)) => return Err(Refusal::of(BEFORE, &bytes)),
+            Some(Err(broken)) => return Err(Refusal::broken(&broken, self.limit)),
+        }
+        self.say(&observation(view, &self.asked));
+        let received = self.line.receive(self.limit);
+        self.stopped = received == Err(Broken::Stopped);
+        let bytes = received.map_err(|broken| Refusal::broken(&broken, self.limit))?;
+        let form = if self.asked.observe.is_some() { FORM_OBSERVING } else { FORM };
+        let wrong = |found: &str| Refusal::of(format!("{form}, found {found}"), &bytes);
+        let answered: Answered = serde_json::from_slice(&bytes).map_err(|error| match error.classify() {
+            serde_json::error::Category::Data => wrong("other fields"),
+            _ => wrong("a line that is no JSON object"),
+        })?;
+        if answered.step.is_some_and(|step| step != view.decision()) {
+            return Err(wrong("an answer to another step"));
+        }
+        let Answered { acceleration_mps2, steering_rad, trajectory, action, abandon, .. } = answered;
+        match (acceleration_mps2.zip(steering_rad), trajectory, action, abandon) {
+            (Some((acceleration_mps2, steering_rad)), None, None, None) => {
+                Ok(Wish::Drive(Control::Drive { acceleration_mps2, steering_rad }))
+            }
+            (None, Some(points), None, None) if !points.is_empty() => Ok(Wish::Drive(along(view, &points))),
+            (None, None, Some(action), None) => match self.asked.observe {
+                Some(setting) => Ok(Wish::Drive(setting.control(view, action))),
+                None => Err(wrong("an action, which only driver.observe gives a meaning (docs/EGOS.md)")),
+            },
+            (None, None, None, Some(word)) => {
+                if is_word(&word) {
+                    Ok(Wish::Abandon(word))
+                } else {
+                    Err(Refusal::of(WORD, &bytes))
+                }
+            }
+            _ => Err(wrong("neither of them, or both")),
+        }
+    }
+}
+
+/// What an answer has to be.
+const FORM: &str = "expected {\"acceleration_mps2\": .., \"steering_rad\": ..} or {\"trajectory\": [[x, y], ..]}";
+/// The same where [driver] names an observation.
+const FORM_OBSERVING: &str = "expected {\"action\": [steering, pedal]}, {\"acceleration_mps2\": .., \"steering_rad\": ..} or {\"trajectory\": [[x, y], ..]}";
+/// What stands in place of a decision where a scene is abandoned.
+const WORD: &str = "expected {\"abandon\": \"word\"} with 1 to 40 letters, digits, - or _, found something else";
+/// Said of a line that is there when all were answered.
+const AFTER: &str =
+    "expected no more lines, found one that nobody asked for; print one line a `step`, and none for `begin` and `end`";
+/// Said of a line that nobody asked for.
+const BEFORE: &str = "expected one line an answer, found one that came before this question; print one line a `step`, and none for `begin` and `end`";
+
+impl Driver for Planner<'_> {
+    fn begin(&mut self, plant: &Plant) {
+        self.say(&begun(plant, self.seed, &self.asked));
+    }
+
+    fn decide(&mut self, view: &View<'_>) -> Control {
+        let k = view.decision();
+        match self.ask(view) {
+            Ok(Wish::Drive(Control::Drive { acceleration_mps2, steering_rad })) => {
+                let limits = view.plant().limits().at_step(k);
+                let acceleration_mps2 = acceleration_mps2.clamp(-limits.brake_mps2, limits.engine_mps2);
+                let steering_rad = steering_rad.clamp(-limits.steering_rad, limits.steering_rad);
+                self.controls.push([acceleration_mps2, steering_rad]);
+                return Control::Drive { acceleration_mps2, steering_rad };
+            }
+            Ok(Wish::Drive(log)) => return log,
+            Ok(Wish::Abandon(word)) => self.abandoned = Some((k, word)),
+            Err(Refusal { reason, printed, late }) => {
+                let reason = format!("decision {k} ({:.1} s): {reason}", k as f64 * DT_S);
+                self.broken = Some(Refusal { reason, printed, late });
+            }
+        }
+        // The simulator refuses this, which ends the rollout.
+        Control::Drive { acceleration_mps2: f64::NAN, steering_rad: f64::NAN }
+    }
+
+    fn finish(&mut self, view: &View<'_>, end: End) {
+        let steps = view.decision();
+        if self.asked.labels {
+            self.ended = Some((end, steps));
+        } else {
+            self.close(steps, &Message::End { end: Ending::Driven(end), steps, labels: None });
+        }
+    }
+}
+
+/// Drives along points that lie 0.1 s apart: on the arc through the last point looked at, with the constant acceleration that
+/// covers the way there in its time. Points behind the car stop it.
+fn along(view: &View<'_>, points: &[Vec2]) -> Control {
+    let ego = view.ego();
+    let ahead = &points[..points.len().min(POINTS_AHEAD)];
+    let last = ahead[ahead.len() - 1];
+    let from = ego.sample.position;
+    let mut way_m = from.distance(ahead[0]);
+    way_m += ahead.windows(2).map(|pair| pair[0].distance(pair[1])).fold(0.0, |sum, x| sum + x);
+    if (last - from).dot(ego.axis) <= 0.0 {
+        way_m = 0.0;
+    }
+    let seconds = DT_S * ahead.len() as f64;
+    Control::Drive {
+        acceleration_mps2: 2.0 * (way_m - ego.speed_mps * seconds) / (seconds * seconds),
+        steering_rad: Car::new(&ego.sample, 2.0 * ego.size.half_length_m).steering_towards(last),
+    }
+}
+
+/// Why a process gave no line.
+pub(super) fn why(broken: &Broken, limit: Duration) -> String {
+    match broken {
+        Broken::Ended => "the process ended".into(),
+        Broken::HalfLine(bytes) => format!("the process ended {bytes} bytes into a line"),
+        Broken::Late => format!("no answer within {} s (driver.timeout_s)", limit.as_secs_f64()),
+        Broken::TooLong(most) => format!("a line of more than {most} bytes"),
+        Broken::Stopped => "it is not waited for any more: the command is being stopped".into(),
+    }
+}

@@ -1,0 +1,132 @@
+//! A rollout for a label, from whoever simulates it.
+
+use super::answer::Answer;
+use super::error::{BackendError, NoOutcome};
+use super::lower::{as_driven, lowered, unstaged};
+use super::request::{Answers, Request};
+use super::spec::BackendOptions;
+use super::under::ProgramContext;
+use crate::ego::Policy;
+use crate::kernel::Seed;
+use crate::sim::{
+    Intervention, Outcome, Plant, ReportedError, ReportedRollout, Timeline, Trace, assess, judge, reported_timeline,
+    retraced, rollout_assessed, rollout_explained, rollout_traced,
+};
+
+/// Who simulates the rollouts of a run.
+#[derive(Clone, Copy)]
+pub enum Backend<'a> {
+    /// Our own simulator.
+    Own,
+    /// Another one, by its answers.
+    Other { options: &'a BackendOptions, answers: &'a dyn Answers },
+}
+
+impl Backend<'_> {
+    /// Who simulates with this ego: behind a planner, every other ego needs none.
+    fn asked(&self, ego: &Policy) -> Result<Backend<'_>, NoOutcome> {
+        match (self, ego) {
+            (Backend::Other { options, .. }, Policy::Command(_)) if options.drives() => Ok(*self),
+            (_, Policy::Command(_)) => {
+                let reason = "the ego `command` drives by its planner alone; name it in [driver], or by --driver FILE";
+                Err(BackendError::Unplayable(reason.into()).into())
+            }
+            (Backend::Other { options, .. }, _) if options.drives() => Ok(Backend::Own),
+            _ => Ok(*self),
+        }
+    }
+
+    /// The outcome of one rollout, its contact assessed. [`ProgramContext`] says of which program the intervention is: planners may ask.
+    pub fn rollout(
+        &self,
+        plant: &Plant,
+        intervention: &Intervention,
+        ego: &Policy,
+        drawn: (Seed, ProgramContext),
+    ) -> Result<Outcome, NoOutcome> {
+        match self.asked(ego)? {
+            Backend::Own => Ok(rollout_assessed(plant, intervention, ego.driver().as_mut())?),
+            Backend::Other { .. } => self.traced(plant, intervention, ego, drawn).map(|(outcome, _)| outcome),
+        }
+    }
+
+    /// The same with the motion behind it.
+    pub fn traced(
+        &self,
+        plant: &Plant,
+        intervention: &Intervention,
+        ego: &Policy,
+        drawn: (Seed, ProgramContext),
+    ) -> Result<(Outcome, Trace), NoOutcome> {
+        let Backend::Other { options, answers } = self.asked(ego)? else {
+            let mut driver = ego.driver();
+            let (mut outcome, trace) = rollout_traced(plant, intervention, driver.as_mut())?;
+            assess(plant, intervention, driver.as_mut(), &mut outcome)?;
+            return Ok((outcome, trace));
+        };
+        asked_of(options, answers, (plant, intervention, ego, drawn), judged)
+    }
+
+    /// The outcome with the motion behind it, and the time line of its contact, where it has one.
+    pub fn explained(
+        &self,
+        plant: &Plant,
+        intervention: &Intervention,
+        ego: &Policy,
+        drawn: (Seed, ProgramContext),
+    ) -> Result<(Outcome, Trace, Option<Timeline>), NoOutcome> {
+        let Backend::Other { options, answers } = self.asked(ego)? else {
+            return Ok(rollout_explained(plant, intervention, ego.driver().as_mut())?);
+        };
+        asked_of(options, answers, (plant, intervention, ego, drawn), |request, rollout| {
+            let (outcome, motion) = judged(request, rollout)?;
+            let driven = as_driven(plant, request.intervention, rollout);
+            let timeline = |contact| reported_timeline(plant, &driven, rollout, (request.replays, contact));
+            let timeline = outcome.contact.as_ref().map(timeline).transpose();
+            Ok((outcome, motion, timeline.map_err(|error| untrue(request, &error))?))
+        })
+    }
+}
+
+/// What becomes of another simulator's answer, or a planner's drive, in a scene.
+fn asked_of<T>(
+    options: &BackendOptions,
+    answers: &dyn Answers,
+    (plant, intervention, ego, drawn): (&Plant, &Intervention, &Policy, (Seed, ProgramContext)),
+    then: impl FnOnce(&Request<'_>, &ReportedRollout) -> Result<T, NoOutcome>,
+) -> Result<T, NoOutcome> {
+    // Reacting adversaries meet a planner as they are; who has none of their rules is told what they do.
+    let intervention = if options.drives() {
+        unstaged(plant, intervention)?;
+        intervention.clone()
+    } else {
+        lowered(plant, intervention, ego)?
+    };
+    let request = Request::new(options, plant, &intervention, ego, drawn).map_err(BackendError::Key)?;
+    match answers.answer(&request)? {
+        Answer::Failed(reason) => Err(NoOutcome::Scene(reason)),
+        Answer::ReportedRollout(rollout) => {
+            if options.drives() {
+                retraced(plant, &intervention, &rollout).map_err(|error| untrue(&request, &error))?;
+            }
+            then(&request, &rollout)
+        }
+    }
+}
+
+/// What a rollout that somebody reported comes to.
+pub(super) fn judged(request: &Request<'_>, rollout: &ReportedRollout) -> Result<(Outcome, Trace), NoOutcome> {
+    let Request { plant, intervention, .. } = *request;
+    judge(plant, &as_driven(plant, intervention, rollout), rollout, request.replays)
+        .map_err(|error| untrue(request, &error))
+}
+
+fn untrue(request: &Request<'_>, error: &ReportedError) -> NoOutcome {
+    NoOutcome::Stop(BackendError::Untrue(format!(
+        "recorded rollout of scene {} against the ego {} (request {}): {error}; its file was changed or is of another release: restore it, or \
+         delete it and record anew",
+        request.scene(),
+        request.ego,
+        request.key.short(16)
+    )))
+}

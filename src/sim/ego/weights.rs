@@ -1,0 +1,373 @@
+//! Weights of a learned driver as a file: safetensors, `f32`, named as in Stable-Baselines3's actor (a weight's rows are
+//! its outputs), so that they can be read there too. The header says for which [`Setting`] they were trained.
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+use super::network::{Dense, Mlp};
+use super::observation::{ACTION, Setting};
+use crate::kernel::Digest;
+use crate::kernel::linear::transposed;
+
+/// The key of our line in a file's header.
+const KEY: &str = "evodrive";
+/// Hidden layers may be this wide.
+const WIDTH_MAX: usize = 1024;
+
+/// Frozen weights.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Weights {
+    /// What they observe and do.
+    pub setting: Setting,
+    /// What lies between the layers, and behind the last one.
+    pub form: Form,
+    /// Means, then logarithms of standard deviations.
+    pub actor: Arc<Mlp>,
+    /// Of the file's bytes.
+    pub digest: Digest,
+}
+
+/// How an actor's numbers become an action. What our own trainings give is the default, and a file then says nothing of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Form {
+    /// Between the layers.
+    pub activation: Activation,
+    /// From the means to an action.
+    pub squash: Squash,
+}
+
+/// A function between layers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Activation {
+    /// The larger of the number and 0.
+    #[default]
+    Relu,
+    /// The hyperbolic tangent.
+    Tanh,
+}
+
+/// From a mean to an action in [-1, 1].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Squash {
+    /// The hyperbolic tangent, as of soft actor-critic.
+    #[default]
+    Tanh,
+    /// Cut off, as of PPO.
+    Clip,
+}
+
+/// What our line in the header says.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    observation: String,
+    #[serde(default, skip_serializing_if = "is_default")]
+    activation: Activation,
+    #[serde(default, skip_serializing_if = "is_default")]
+    squash: Squash,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+/// Why a file's bytes are no weights.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{layer}: found {found}, expected {expected}; train the ego again (evodrive train experiments/train/<name>.toml), or write \
+     one of your own with evodrive.gym.save_policy (docs/FORMAT.md)"
+)]
+pub struct WeightsError {
+    /// Where in the file.
+    pub layer: String,
+    /// What stands there.
+    pub found: String,
+    /// What should.
+    pub expected: String,
+}
+
+impl WeightsError {
+    fn new(layer: &str, found: impl ToString, expected: impl ToString) -> WeightsError {
+        WeightsError { layer: layer.to_string(), found: found.to_string(), expected: expected.to_string() }
+    }
+}
+
+/// The layers by name; the two heads are one layer of the network.
+const TRUNK: [&str; 2] = ["latent_pi.0", "latent_pi.2"];
+const HEADS: [&str; 2] = ["mu", "log_std"];
+
+impl Weights {
+    /// Reads the bytes of a file.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Weights, WeightsError> {
+        let whole = "a whole safetensors file";
+        let file = SafeTensors::deserialize(bytes).map_err(|error| WeightsError::new("header", error, whole))?;
+        let (setting, form) = header(bytes)?;
+        let known: Vec<String> =
+            TRUNK.iter().chain(&HEADS).flat_map(|layer| [format!("{layer}.bias"), format!("{layer}.weight")]).collect();
+        if let Some(odd) = file.names().into_iter().find(|name| !known.iter().any(|known| known == name)) {
+            return Err(WeightsError::new(odd, "a tensor", format!("no other than {}", known.join(", "))));
+        }
+        let (first, second) = (width(&file, TRUNK[0])?, width(&file, TRUNK[1])?);
+        let heads = [layer(&file, HEADS[0], second, ACTION)?, layer(&file, HEADS[1], second, ACTION)?];
+        let second = layer(&file, TRUNK[1], first, second)?;
+        let first = layer(&file, TRUNK[0], setting.length(), first)?;
+        let actor = Arc::new(Mlp { layers: vec![first, second, beside(&heads)] });
+        check(setting, &actor)?;
+        Ok(Weights { setting, form, actor, digest: Digest::of_bytes(bytes) })
+    }
+
+    /// The bytes of a file with an actor of two hidden layers.
+    ///
+    /// # Errors
+    /// An actor of another form.
+    pub fn to_bytes(setting: Setting, actor: &Mlp) -> Result<Vec<u8>, WeightsError> {
+        Weights::to_bytes_as(setting, actor, Form::default())
+    }
+
+    /// A form by the names of its parts.
+    ///
+    /// # Errors
+    /// A name that no part has.
+    pub fn form(activation: &str, squash: &str) -> Result<Form, WeightsError> {
+        let wrong = |key: &str, name: &str, expected: &str| WeightsError::new(key, format!("{name:?}"), expected);
+        let activation = match activation {
+            "relu" => Activation::Relu,
+            "tanh" => Activation::Tanh,
+            other => return Err(wrong("activation", other, "relu or tanh")),
+        };
+        let squash = match squash {
+            "tanh" => Squash::Tanh,
+            "clip" => Squash::Clip,
+            other => return Err(wrong("squash", other, "tanh or clip")),
+        };
+        Ok(Form { activation, squash })
+    }
+
+    /// [`Weights::to_bytes`] of an actor that was trained elsewhere.
+    ///
+    /// # Errors
+    /// What [`Weights::from_bytes`] would refuse.
+    pub fn to_bytes_as(setting: Setting, actor: &Mlp, form: Form) -> Result<Vec<u8>, WeightsError> {
+        let [first, second, both] = check(setting, actor)?;
+        let heads = apart(both);
+        let layers = TRUNK.iter().chain(&HEADS).zip([first, second].into_iter().chain(&heads));
+        let mut tensors: Vec<(String, Vec<usize>, Vec<u8>)> = Vec::new();
+        for (name, layer) in layers {
+            let turned = transposed(&layer.weights, layer.outputs);
+            tensors.push((format!("{name}.weight"), vec![layer.outputs, layer.inputs], bytes_of(&turned)));
+            tensors.push((format!("{name}.bias"), vec![layer.outputs], bytes_of(&layer.bias)));
+        }
+        let failed =
+            |error: &dyn std::fmt::Display| WeightsError::new("header", error, "something that can be written");
+        let views = tensors
+            .iter()
+            .map(|(name, shape, data)| Ok((name, TensorView::new(Dtype::F32, shape.clone(), data)?)))
+            .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
+            .map_err(|error| failed(&error))?;
+        let header = serde_json::to_string(&Header {
+            observation: setting.name().to_string(),
+            activation: form.activation,
+            squash: form.squash,
+        });
+        let header = [(KEY.to_string(), header.map_err(|error| failed(&error))?)].into_iter().collect();
+        serialize(views, Some(header)).map_err(|error| failed(&error))
+    }
+}
+
+/// The layers of an actor that a file can hold and a car be driven with: what is written is held to the rules by which it is read.
+fn check(setting: Setting, actor: &Mlp) -> Result<[&Dense; 3], WeightsError> {
+    let [first, second, heads] = &actor.layers[..] else {
+        return Err(WeightsError::new("actor", format!("{} layers", actor.layers.len()), "3 layers"));
+    };
+    let widths = [check_width(TRUNK[0], first.outputs)?, check_width(TRUNK[1], second.outputs)?];
+    let due = [
+        (TRUNK[0], first, setting.length(), widths[0]),
+        (TRUNK[1], second, widths[0], widths[1]),
+        (HEADS[0], heads, widths[1], 2 * ACTION),
+    ];
+    for (name, layer, inputs, outputs) in due {
+        let numbers = (layer.inputs, layer.outputs, layer.weights.len(), layer.bias.len());
+        if numbers != (inputs, outputs, inputs * outputs, outputs) {
+            let found = format!(
+                "{} inputs and {} outputs by {} weights and {} biases",
+                numbers.0, numbers.1, numbers.2, numbers.3
+            );
+            return Err(WeightsError::new(
+                name,
+                found,
+                format!("{inputs} inputs and {outputs} outputs, with their numbers"),
+            ));
+        }
+        if let Some(bad) = layer.weights.iter().chain(&layer.bias).find(|x| !x.is_finite()) {
+            return Err(WeightsError::new(name, format!("{bad} as a number"), "finite numbers"));
+        }
+    }
+    Ok([first, second, heads])
+}
+
+/// Outputs that a hidden layer may have.
+fn check_width(layer: &str, hidden: usize) -> Result<usize, WeightsError> {
+    if (1..=WIDTH_MAX).contains(&hidden) {
+        Ok(hidden)
+    } else {
+        Err(WeightsError::new(&format!("{layer}.bias"), format!("{hidden} numbers"), format!("1 to {WIDTH_MAX}")))
+    }
+}
+
+/// Numbers as they lie in a file.
+pub fn bytes_of(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|x| x.to_le_bytes()).collect()
+}
+
+/// Numbers of a tensor of this shape; all must be finite.
+pub fn floats(file: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f32>, WeightsError> {
+    let expected = format!("f32 numbers of shape {shape:?}");
+    let view = file.tensor(name).map_err(|_| WeightsError::new(name, "nothing", &expected))?;
+    if view.dtype() != Dtype::F32 || view.shape() != shape {
+        return Err(WeightsError::new(name, format!("{:?} of shape {:?}", view.dtype(), view.shape()), &expected));
+    }
+    let (chunks, _) = view.data().as_chunks::<4>();
+    let values: Vec<f32> = chunks.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+    match values.iter().position(|x| !x.is_finite()) {
+        Some(place) => Err(WeightsError::new(name, format!("{} as number {place}", values[place]), "finite numbers")),
+        None => Ok(values),
+    }
+}
+
+fn header(bytes: &[u8]) -> Result<(Setting, Form), WeightsError> {
+    let known: Vec<&str> = Setting::ALL.iter().map(|setting| setting.name()).collect();
+    let expected = format!("an observation of this version: {}", known.join(" or "));
+    let refuse = |found: String| WeightsError::new("header", found, &expected);
+    let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| refuse(error.to_string()))?;
+    let line = header.metadata().as_ref().and_then(|lines| lines.get(KEY));
+    let line = line.ok_or_else(|| refuse(format!("no line {KEY:?}")))?;
+    let read: Header = serde_json::from_str(line).map_err(|error| refuse(error.to_string()))?;
+    let setting = Setting::ALL.into_iter().find(|setting| setting.name() == read.observation);
+    let setting = setting.ok_or_else(|| refuse(format!("observation {:?}", read.observation)))?;
+    Ok((setting, Form { activation: read.activation, squash: read.squash }))
+}
+
+/// Outputs of a hidden layer in a file.
+fn width(file: &SafeTensors<'_>, layer: &str) -> Result<usize, WeightsError> {
+    let bias = file.tensor(&format!("{layer}.bias"));
+    check_width(layer, bias.map_or(0, |view| view.shape().first().copied().unwrap_or(0)))
+}
+
+fn layer(file: &SafeTensors<'_>, name: &str, inputs: usize, outputs: usize) -> Result<Dense, WeightsError> {
+    let weights = floats(file, &format!("{name}.weight"), &[outputs, inputs])?;
+    let bias = floats(file, &format!("{name}.bias"), &[outputs])?;
+    Ok(Dense { inputs, outputs, weights: transposed(&weights, inputs), bias })
+}
+
+/// Two layers over the same inputs as one.
+fn beside([first, second]: &[Dense; 2]) -> Dense {
+    let rows = first.weights.chunks_exact(first.outputs).zip(second.weights.chunks_exact(second.outputs));
+    Dense {
+        inputs: first.inputs,
+        outputs: first.outputs + second.outputs,
+        weights: rows.flat_map(|(a, b)| [a, b].concat()).collect(),
+        bias: [&first.bias[..], &second.bias].concat(),
+    }
+}
+
+/// The halves of a layer by its outputs.
+fn apart(both: &Dense) -> [Dense; 2] {
+    let half = both.outputs / 2;
+    [0, half].map(|from| Dense {
+        inputs: both.inputs,
+        outputs: half,
+        weights: both.weights.chunks_exact(both.outputs).flat_map(|row| row[from..from + half].to_vec()).collect(),
+        bias: both.bias[from..from + half].to_vec(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn actor() -> Mlp {
+        let mut actor = Mlp::zeros(&[4, 3, 3, 2 * ACTION]);
+        let mut next = 0.0;
+        actor.parameters_mut().flatten().for_each(|x| {
+            next += 0.125;
+            *x = next;
+        });
+        actor
+    }
+
+    #[test]
+    fn weights_read_back_as_they_were() {
+        let bytes = Weights::to_bytes(Setting::Safebench1, &actor()).unwrap();
+        let read = Weights::from_bytes(&bytes).unwrap();
+        assert_eq!((read.setting, &*read.actor), (Setting::Safebench1, &actor()));
+        assert_eq!(Weights::to_bytes(read.setting, &read.actor).unwrap(), bytes);
+    }
+
+    #[test]
+    fn a_form_of_another_training_is_written_and_read_and_drives_otherwise() {
+        let ppo = Weights::form("tanh", "clip").unwrap();
+        let bytes = Weights::to_bytes_as(Setting::Safebench1, &actor(), ppo).unwrap();
+        assert_eq!(Weights::from_bytes(&bytes).unwrap().form, ppo);
+        let plain = Weights::to_bytes(Setting::Safebench1, &actor()).unwrap();
+        let is_said = |bytes: &[u8]| bytes.windows(10).any(|w| w == b"activation");
+        assert!(is_said(&bytes) && !is_said(&plain), "files of our own trainings stay what they were");
+        let refused = [Weights::form("swish", "clip"), Weights::form("relu", "none")];
+        assert!(refused.iter().all(|form| form.as_ref().is_err_and(|error| error.to_string().contains("expected"))));
+    }
+
+    #[test]
+    fn damaged_weights_are_refused_with_layer_found_and_expected() {
+        let bytes = Weights::to_bytes(Setting::Safebench1, &actor()).unwrap();
+        for end in 0..bytes.len() {
+            assert!(Weights::from_bytes(&bytes[..end]).is_err(), "{end}");
+        }
+        let refused = |bytes: &[u8]| Weights::from_bytes(bytes).unwrap_err().to_string();
+        let mut nan = bytes.clone();
+        let last = nan.len() - 4;
+        nan[last..].copy_from_slice(&f32::NAN.to_le_bytes());
+        assert!(refused(&nan).contains("NaN as number") && refused(&nan).contains("finite"), "{}", refused(&nan));
+        let renamed = |from: &str, to: &str| {
+            let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
+            let mut bytes = bytes.clone();
+            bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+            refused(&bytes)
+        };
+        let older = renamed("safebench-1", "safebench-9");
+        assert!(older.contains("\"safebench-9\"") && older.contains("metadrive-1 or safebench-1"), "{older}");
+        let other = renamed("latent_pi.2.bias", "latent_pi.7.bias");
+        assert!(other.contains("latent_pi.7.bias"), "{other}");
+        // A file of the other observation, whose header says this one.
+        let inputs = Setting::Metadrive1.length();
+        let wide = Weights::to_bytes(Setting::Metadrive1, &Mlp::zeros(&[inputs, 3, 3, 4])).unwrap();
+        let at = wide.windows(11).position(|w| w == b"metadrive-1").unwrap();
+        let mut wide = [&wide[..at], b"safebench-1", &wide[at + 11..]].concat();
+        let shape = refused(&wide);
+        assert!(
+            shape.contains("latent_pi.0.weight")
+                && shape.contains(&format!("[3, {inputs}]"))
+                && shape.contains("[3, 4]"),
+            "{shape}"
+        );
+        wide.push(0);
+        assert!(refused(&wide).contains("header"));
+    }
+
+    #[test]
+    fn nothing_is_written_that_the_reader_refuses() {
+        let refused = |actor: Mlp| Weights::to_bytes(Setting::Safebench1, &actor).unwrap_err().to_string();
+        for widths in [&[4, 3, 4][..], &[5, 3, 3, 4], &[4, 3, 3, 2], &[4, 0, 0, 4], &[4, 1025, 1025, 4], &[]] {
+            assert!(refused(Mlp::zeros(widths)).contains("expected"), "{widths:?}");
+        }
+        let changed = |change: fn(&mut Dense)| {
+            let mut actor = actor();
+            change(&mut actor.layers[1]);
+            refused(actor)
+        };
+        assert!(changed(|layer| layer.weights[4] = f32::INFINITY).contains("latent_pi.2: found inf"));
+        assert!(changed(|layer| layer.bias.clear()).contains("9 weights and 0 biases"));
+        assert!(changed(|layer| layer.weights.push(0.0)).contains("10 weights"));
+    }
+}

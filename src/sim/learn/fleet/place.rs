@@ -1,0 +1,107 @@
+//! One place of a fleet: its episode, and what it drives next.
+
+use crate::ego::observation::ACTION;
+use crate::kernel::Seed;
+use crate::sim::{Contact, Control, End, SimError};
+
+use super::error::FleetError;
+use super::options::{FleetOptions, Seeing};
+use super::tasks::{Task, Tasks};
+use crate::learn::ride::Ride;
+
+/// A place and its episode.
+pub(super) struct Place {
+    /// Root of what it draws.
+    pub seed: u64,
+    /// Episodes that it began.
+    pub episodes: u64,
+    pub ride: Option<Ride<'static>>,
+    /// What it drives, and of which set that is.
+    pub task: Option<(usize, Task)>,
+    pub sum: f64,
+    /// The last episode that ended, where that is kept.
+    pub last: Option<Kept>,
+    /// Observations are made here, then copied into their row.
+    pub values: Vec<f32>,
+}
+
+/// An episode that ended, as it was driven.
+#[derive(Clone, Debug)]
+pub struct Kept {
+    /// Place of its program among the sets.
+    pub program: usize,
+    pub task: Task,
+    /// One a step.
+    pub controls: Vec<Control>,
+    pub end: End,
+}
+
+impl Place {
+    pub fn new(seed: u64) -> Place {
+        Place { seed, episodes: 0, ride: None, task: None, sum: 0.0, last: None, values: Vec::new() }
+    }
+
+    /// Begins the next episode: a task drawn from this place's own stream, so that neither threads nor other places matter.
+    pub fn begin(&mut self, tasks: &Tasks, options: &FleetOptions) -> Result<(), SimError> {
+        let mut stream = Seed(self.seed).stream(&["learn", "fleet", &self.episodes.to_string()]);
+        self.begin_with(tasks.draw(&mut stream), tasks, options)
+    }
+
+    /// Begins an episode of a given task.
+    pub fn begin_with(
+        &mut self,
+        (program, task): (usize, usize),
+        tasks: &Tasks,
+        options: &FleetOptions,
+    ) -> Result<(), SimError> {
+        let of = &tasks.sets()[program].tasks[task];
+        let (plant, intervention) = (of.plant.clone(), of.intervention.clone());
+        let ride = Ride::new(plant, intervention, options.seeing.setting(), options.keeping())?;
+        (self.ride, self.task, self.sum) = (Some(ride), Some((program, of.clone())), 0.0);
+        self.episodes += 1;
+        Ok(())
+    }
+
+    /// Numbers of scene and program; -1 before the first episode.
+    pub fn numbers(&self) -> (i32, i32) {
+        self.task.as_ref().map_or((-1, -1), |(program, task)| (task.scene as i32, *program as i32))
+    }
+
+    /// Whether it waits for a reset.
+    pub fn is_over(&self) -> bool {
+        self.ride.as_ref().is_some_and(|ride| ride.episode().end().is_some())
+    }
+
+    /// One step: what it was worth, and how the episode ended if it did. `at` is the place's own number.
+    pub fn step(
+        &mut self,
+        at: usize,
+        action: [f32; ACTION],
+        options: &FleetOptions,
+    ) -> Result<(f64, Option<End>), FleetError> {
+        let ride = self.ride.as_mut().ok_or(FleetError::NotBegun)?;
+        let (worth, end) =
+            ride.step(action, &options.reward).map_err(|source| FleetError::Scene { place: at, source })?;
+        self.sum += worth;
+        Ok((worth, end))
+    }
+
+    /// Writes what is seen now into a row.
+    pub fn observe(&mut self, seeing: Seeing, row: &mut [f32]) {
+        let Some(ride) = &self.ride else { return };
+        seeing.observe(&ride.view(), &mut self.values);
+        row.copy_from_slice(&self.values);
+    }
+
+    /// The contact of an episode that ended, and whether it could have been avoided where that is asked.
+    pub fn contact(&self, options: &FleetOptions) -> Result<Option<Contact>, SimError> {
+        let Some(ride) = &self.ride else { return Ok(None) };
+        if options.assesses { ride.episode().assessed_contact() } else { Ok(ride.episode().contact().copied()) }
+    }
+
+    /// Keeps the episode that just ended.
+    pub fn keep(&mut self, end: End) {
+        let controls = self.ride.as_ref().map(|ride| ride.episode().controls().to_vec()).unwrap_or_default();
+        self.last = self.task.clone().map(|(program, task)| Kept { program, task, controls, end });
+    }
+}

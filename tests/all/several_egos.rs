@@ -1,0 +1,170 @@
+//! Lineages that are played against several drivers, and programs carried over to drivers that they were not evolved on.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use crate::harness::{events, experiment, folder_below, record, run as evodrive, set, write_small};
+
+fn small(folder: &Path, lineages: &str) -> PathBuf {
+    let mut table = experiment("metadrive/cat-idm.toml");
+    let changes = [
+        ("scenes", "count", 14.into()),
+        ("split", "held_out", 4.into()),
+        ("split", "window", 6.into()),
+        ("budget", "epochs", 1.into()),
+        ("budget", "slots", 4.into()),
+        ("budget", "probe_scenes", 2.into()),
+        ("budget", "finalists", 1.into()),
+    ];
+    set(&mut table, &changes);
+    table["split"]["evolution"]["count"] = 8.into();
+    table.insert("seeds".into(), 1.into());
+    let given: toml::Table = lineages.parse().unwrap();
+    table.insert("lineage".into(), given["lineage"].clone());
+    write_small(folder, table)
+}
+
+/// Every label of a lineage in a run: program and scene -> label.
+fn labels(run: &Path, lineage: &str) -> BTreeMap<(String, String), Value> {
+    let mut found = BTreeMap::new();
+    for event in events(run).iter().filter(|event| event["body"]["lineage"] == lineage) {
+        let scores = [&event["body"]["score"], &event["body"]["parent_score"]];
+        for label in scores.into_iter().filter_map(|score| score["scenes"].as_array()).flatten() {
+            let solution = ["solution", "parent"].iter().find_map(|key| event["body"][*key].as_str()).unwrap();
+            let program = solution.rsplit('/').next().unwrap().to_string();
+            found.insert((program, label["scene"].as_str().unwrap().to_string()), label.clone());
+        }
+    }
+    found
+}
+
+/// The parent alone against either driver and against both: what is counted follows from its labels against each.
+#[test]
+fn a_label_against_several_drivers_is_their_mean_or_their_least_and_shows_each() {
+    let both = record(|folder| {
+        small(
+            folder,
+            "lineage = [{ id = \"alone\", family = \"cat\", ego = \"pdm\" }, { id = \"mean\", family = \"cat\", egos = [\"idm\", \"pdm\"] }, \
+             { id = \"worst\", family = \"cat\", egos = [\"idm\", \"pdm\"], over_egos = \"worst\" }]",
+        )
+    });
+    let parents = events(&both.run).into_iter().filter(|event| event["kind"] == "parent").collect::<Vec<_>>();
+    let egos: Vec<&str> = parents.iter().filter_map(|event| event["body"]["ego"].as_str()).collect();
+    assert_eq!(egos, ["pdm", "mean of idm+pdm", "worst of idm+pdm"]);
+    let [alone, mean, worst] = ["alone", "mean", "worst"].map(|lineage| labels(&both.run, lineage));
+    let of_parent = |(program, _): &&(String, String)| program == "parent";
+    let scenes: Vec<_> = mean.keys().filter(of_parent).cloned().collect();
+    assert_eq!(scenes.len(), 8 + 4);
+    let number = |label: &Value, key: &str| label[key].as_f64().unwrap();
+    let mut differing = 0;
+    for key in &scenes {
+        let (mean, worst, alone) = (&mean[key], &worst[key], &alone[key]);
+        let each = |key: &str| ["idm", "pdm"].map(|ego| number(&mean["by_ego"][ego], key));
+        assert_eq!(mean["by_ego"], worst["by_ego"]);
+        assert_eq!(&mean["by_ego"]["pdm"], alone, "against each it is the label of a lineage with that driver");
+        let [idm, pdm] = each("attack");
+        assert_eq!((number(mean, "attack"), number(worst, "attack")), (0.5 * (idm + pdm), idm.min(pdm)));
+        differing += usize::from(idm != pdm);
+    }
+    assert!(differing > 0, "the drivers come through every scene alike: nothing is shown here");
+    // The seal and every number hold, and the run is the same again, in one piece or in shards.
+    let [run, file] = [&both.run, &both.experiment].map(|path| path.to_str().unwrap());
+    assert_eq!(evodrive(&["verify", run]).code, 0);
+    let again = tempfile::tempdir().unwrap();
+    let out = again.path().to_str().unwrap();
+    assert_eq!(evodrive(&["run", file, "--out", out, "--jobs", "2"]).root(), both.root);
+    let shown = evodrive(&["table", "metadrive-policy", "--run", run]).stdout;
+    assert!(shown.contains("mean of idm+pdm") && shown.contains("worst of idm+pdm"), "{shown}");
+    let attempt = evodrive(&["show", "--run", run, "mean/e0s0"]).stdout;
+    assert!(!attempt.contains("\nlabels:") || attempt.contains("pdm        attack"), "{attempt}");
+}
+
+#[test]
+fn drivers_that_do_not_fit_together_are_refused_with_what_to_do() {
+    let cases = [
+        ("egos = [\"pdm\"]", "two drivers at least"),
+        ("egos = [\"pdm\", \"pdm\"]", "each driver once"),
+        ("ego = \"idm\", egos = [\"pdm\", \"idm\"]", "first"),
+        ("ego = \"idm\", over_egos = \"worst\"", "several drivers"),
+        ("egos = [\"idm\", \"pdn\"]", "pdm"),
+        ("egos = [\"idm\", \"learned\"]", "needs its weights"),
+        ("egos = [\"idm\", \"command\"]", "egos[1]"),
+        ("egos = [\"idm\", \"pdm\"], over_egos = \"best\"", "worst"),
+    ];
+    for (egos, said) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let file = small(folder.path(), &format!("lineage = [{{ id = \"cat\", family = \"cat\", {egos} }}]"));
+        let refused = evodrive(&["run", file.to_str().unwrap(), "--out", folder.path().to_str().unwrap()]);
+        assert!(refused.code == 2 && refused.stderr.contains(said), "{egos}: {} {}", refused.code, refused.stderr);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let file =
+        small(folder.path(), "lineage = [{ id = \"cat\", family = \"cat\", egos = [\"idm\", \"sac-metadrive-2\"] }]");
+    let plan = evodrive(&["plan", file.to_str().unwrap(), "--out", folder.path().to_str().unwrap()]);
+    assert!(plan.code != 2, "weights that the program carries are named without more: {}", plan.stderr);
+}
+
+/// Each column is `apply` against its driver, and the drivers do not come through alike.
+#[test]
+fn a_matrix_has_in_each_column_what_applying_to_that_driver_gives() {
+    let evolved = record(|folder| small(folder, "lineage = [{ id = \"cat-idm\", family = \"cat\", ego = \"idm\" }]"));
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
+    let mut other = experiment("metadrive/cat-idm.toml");
+    set(&mut other, &[("scenes", "count", 12.into()), ("scenes", "seed", 977.into())]);
+    let (file, pool) = (write_small(folder.path(), other), place("other.pool"));
+    assert_eq!(evodrive(&["scenes", "generate", file.to_str().unwrap(), "--out", &pool]).code, 0);
+    let run = evolved.run.to_str().unwrap();
+    let matrix = evodrive(&[
+        "transfer",
+        "--run",
+        run,
+        "--scenes",
+        &pool,
+        "--drivers",
+        "idm,pdm",
+        "--figure",
+        &place("map.svg"),
+        "--judges",
+        &place("judges.md"),
+        "--json",
+    ]);
+    assert_eq!(matrix.code, 0, "{}", matrix.stderr);
+    let matrix: Value = serde_json::from_str(&matrix.stdout).unwrap();
+    let text =
+        evodrive(&["transfer", "--run", run, "--scenes", &pool, "--drivers", "idm,pdm", "--format", "csv"]).stdout;
+    let mut shares: Vec<[f64; 2]> = Vec::new();
+    for row in csv::Reader::from_reader(text.as_bytes()).deserialize::<BTreeMap<String, String>>() {
+        let row = row.unwrap();
+        if row.values().any(|of| of == "parent") {
+            shares.push(["idm", "pdm"].map(|driver| row[driver].parse().unwrap()));
+        }
+    }
+    assert!(matrix["programs"].as_u64() >= Some(1) && shares.len() >= 3, "{matrix}");
+    assert!(shares.iter().any(|[idm, pdm]| idm != pdm), "both columns are one driver: {text}");
+    let program = place("program.json");
+    let exported = evodrive(&["program", "export", "--run", run, "cat-idm/parent", "--out", &program]);
+    assert_eq!(exported.code, 0, "{}", exported.stderr);
+    for (column, ego) in ["idm", "pdm"].into_iter().enumerate() {
+        let applied = evodrive(&["apply", &program, "--scenes", &pool, "--ego", ego, "--at-fault", "--json"]);
+        let applied: Value = serde_json::from_str(&applied.stdout).unwrap();
+        // Contacts of the parent with an adversary, but for those that plain replay has too.
+        let values = &applied["tables"][1]["rows"][1]["values"];
+        let of = |key: &str| values[key]["ours"]["value"].as_f64().unwrap();
+        let share = of("adversary_contact") - of("met_anyway");
+        assert!((share - shares[0][column]).abs() < 1e-9, "{ego}: {share} {shares:?}");
+    }
+    let figure = std::fs::read_to_string(place("map.svg")).unwrap();
+    let judges = std::fs::read_to_string(place("judges.md")).unwrap();
+    assert!(figure.contains("PDM") && judges.contains("## Driven by PDM"), "{judges}");
+    // Scenes of the search itself are no proof.
+    let own = folder_below(evolved.run.parent().unwrap()).join("scenes.pool");
+    if own.is_file() {
+        let seen = evodrive(&["transfer", "--run", run, "--scenes", own.to_str().unwrap()]);
+        assert!(seen.code == 2 && seen.stderr.contains("no search has seen"), "{}", seen.stderr);
+    }
+    let unknown = evodrive(&["transfer", "--run", run, "--scenes", &pool, "--drivers", "pdn"]);
+    assert!(unknown.code == 2 && unknown.stderr.contains("pdm"), "{}", unknown.stderr);
+}

@@ -168,3 +168,30 @@ fn a_matrix_has_in_each_column_what_applying_to_that_driver_gives() {
     let unknown = evodrive(&["transfer", "--run", run, "--scenes", &pool, "--drivers", "pdn"]);
     assert!(unknown.code == 2 && unknown.stderr.contains("pdm"), "{}", unknown.stderr);
 }
+
+/// What is kept is of what was simulated: other draws in the same folder come to what they come to in an empty one.
+#[test]
+fn a_hardening_that_goes_on_in_a_folder_is_that_of_an_empty_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
+    let mut scenes = experiment("metadrive/cat-idm.toml");
+    set(&mut scenes, &[("scenes", "count", 9.into()), ("scenes", "seed", 977.into())]);
+    let (file, pool) = (write_small(folder.path(), scenes), place("other.pool"));
+    assert_eq!(evodrive(&["scenes", "generate", file.to_str().unwrap(), "--out", &pool]).code, 0);
+    let hardened = |out: &str, seed: &str| -> Value {
+        let suite = ["harden", "golden/suite/pdm.suite", "--scenes", &pool, "--out", &place(out), "--seed", seed];
+        let few = ["--families", "cat", "--rounds", "2", "--trials", "1", "--patches", "4", "--overwrite"];
+        let ran = evodrive(&[&suite[..], &few[..]].concat());
+        assert_eq!(ran.code, 0, "{}", ran.stderr);
+        serde_json::from_slice(&std::fs::read(PathBuf::from(place(out)).join("harden.json")).unwrap()).unwrap()
+    };
+    let (first, again) = (hardened("one", "1"), hardened("one", "1"));
+    assert_eq!(first, again);
+    let other = hardened("two", "2");
+    assert_ne!(first["rounds"], other["rounds"], "the seed draws other constants");
+    assert_eq!(hardened("one", "2"), other, "nothing of the first draws is taken for the second's");
+    let payoffs = other["payoffs"].as_array().unwrap();
+    assert_eq!(payoffs.len(), 3, "parents and both rounds: {other}");
+    let least = |row: &Value| row.as_array().unwrap().iter().all(|count| count.as_u64() <= other["rollouts"].as_u64());
+    assert!(payoffs.iter().all(least), "{other}");
+}

@@ -1027,6 +1027,16 @@ fn killed(
     most
 }
 
+/// Whether a file is what a killed write leaves beside the file that it was to become: `.NAME.PROCESS-NUMBER.tmp`.
+fn is_unnamed(path: &Path) -> bool {
+    let name = path.file_name().unwrap().to_string_lossy();
+    let whole =
+        name.strip_prefix('.').and_then(|name| name.strip_suffix(".tmp")).and_then(|name| name.rsplit_once('.'));
+    whole.is_some_and(|(of, maker)| {
+        path.with_file_name(of).is_file() && maker.split('-').all(|part| part.parse::<u32>().is_ok())
+    })
+}
+
 /// Files below a folder, with their bytes.
 fn files_of(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut files = Vec::new();
@@ -1034,11 +1044,9 @@ fn files_of(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     while let Some(next) = folders.pop() {
         for entry in std::fs::read_dir(next).unwrap() {
             let path = entry.unwrap().path();
-            // What is killed before it gives a file its name leaves that file under another one.
-            let unnamed = path.extension().is_some_and(|ending| ending == "tmp");
             if path.is_dir() {
                 folders.push(path)
-            } else if !unnamed {
+            } else if !is_unnamed(&path) {
                 files.push((path.strip_prefix(folder).unwrap().into(), std::fs::read(&path).unwrap()))
             }
         }

@@ -12,10 +12,12 @@ const LOW: &str = "reject: low and certain";
 /// d_φ of a candidate, before the budget.
 fn verdict(prediction: &Prediction, options: &RoutingOptions) -> RouteDecision {
     let sparse = prediction.of_pairs.is_some_and(|of| of.sparse || of.abstains);
-    match prediction.uncertainty() > options.lambda_u || sparse {
-        true => RouteDecision::Audit,
-        false if loses(prediction, options) => RouteDecision::Reject,
-        false => RouteDecision::Select,
+    if prediction.uncertainty() > options.lambda_u || sparse {
+        RouteDecision::Audit
+    } else if loses(prediction, options) {
+        RouteDecision::Reject
+    } else {
+        RouteDecision::Select
     }
 }
 

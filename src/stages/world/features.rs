@@ -13,7 +13,7 @@ use crate::scene::SceneFeatures;
 
 use super::interaction::Interaction;
 
-pub(super) const EDIT: [&str; 11] = [
+const EDIT: [&str; 11] = [
     "edit_operations",
     "edit_added",
     "edit_replaced",
@@ -27,8 +27,8 @@ pub(super) const EDIT: [&str; 11] = [
     "edit_parameter_rise_mean",
 ];
 /// Columns into which the words of an edit are hashed: place, kind, direction.
-pub(super) const EDIT_HASHED: usize = 32;
-pub(super) const GRAPH: [&str; 7] = [
+const EDIT_HASHED: usize = 32;
+const GRAPH: [&str; 7] = [
     "graph_nodes",
     "graph_edges",
     "graph_settings",
@@ -53,7 +53,7 @@ pub(super) const SCENE: [&str; 14] = [
     "has_light",
     "is_junction",
 ];
-pub(super) const INTERACTION: [&str; 4] =
+const INTERACTION: [&str; 4] =
     ["relative_distance_m_min", "relative_speed_mps", "time_to_conflict_s_min", "route_deviation_m_min"];
 const PARENT: [&str; 7] = [
     "parent_attack",
@@ -87,6 +87,21 @@ pub enum FeatureError {
 
 /// Columns for a run with these families, in the groups' order. With `simulated` there are some of our own simulator's.
 pub fn schema(families: &[FamilyName], simulated: bool) -> FeatureSchema {
+    let mut schema = shared_schema(families);
+    let mut add = |name: String, group| schema.columns.push(FeatureColumn { name, group });
+    PARENT.iter().for_each(|name| add(name.to_string(), FeatureGroup::Parent));
+    ["open_share", "probe_scenes", "probe_differing_share"]
+        .iter()
+        .for_each(|n| add(n.to_string(), FeatureGroup::Probe));
+    PROBE.iter().for_each(|name| add(format!("probe_{name}"), FeatureGroup::Probe));
+    PROBE.iter().for_each(|name| add(format!("probe_change_{name}"), FeatureGroup::Probe));
+    let simulated = if simulated { &SIMULATED[..] } else { &[] };
+    simulated.iter().for_each(|name| add(name.to_string(), FeatureGroup::Simulated));
+    schema
+}
+
+/// The columns with which every schema begins: families, edit, graph, scene and interaction.
+pub(super) fn shared_schema(families: &[FamilyName]) -> FeatureSchema {
     let families: Vec<FamilyName> = families.iter().cloned().collect::<BTreeSet<_>>().into_iter().collect();
     let mut columns: Vec<FeatureColumn> = Vec::new();
     let mut add = |name: String, group| columns.push(FeatureColumn { name, group });
@@ -97,15 +112,37 @@ pub fn schema(families: &[FamilyName], simulated: bool) -> FeatureSchema {
     Slot::ALL.iter().for_each(|slot| add(format!("graph_{}_nodes", slot.name()), FeatureGroup::Graph));
     SCENE.iter().for_each(|name| add(format!("scene_{name}"), FeatureGroup::Scene));
     INTERACTION.iter().for_each(|name| add(format!("log_{name}"), FeatureGroup::Interaction));
-    PARENT.iter().for_each(|name| add(name.to_string(), FeatureGroup::Parent));
-    ["open_share", "probe_scenes", "probe_differing_share"]
-        .iter()
-        .for_each(|n| add(n.to_string(), FeatureGroup::Probe));
-    PROBE.iter().for_each(|name| add(format!("probe_{name}"), FeatureGroup::Probe));
-    PROBE.iter().for_each(|name| add(format!("probe_change_{name}"), FeatureGroup::Probe));
-    let simulated = if simulated { &SIMULATED[..] } else { &[] };
-    simulated.iter().for_each(|name| add(name.to_string(), FeatureGroup::Simulated));
     FeatureSchema { families, columns }
+}
+
+/// The values of those columns that are of the candidate itself: families, edit, graph.
+///
+/// # Errors
+/// A family that the schema has no column for.
+pub(super) fn candidate_values(
+    schema: &FeatureSchema,
+    candidate: &CandidateView<'_>,
+) -> Result<Vec<f64>, FeatureError> {
+    let family = &candidate.program.source_family;
+    if !schema.families.contains(family) {
+        return Err(FeatureError::UnknownFamily(family.clone()));
+    }
+    let mut values: Vec<f64> = schema.families.iter().map(|known| flag(known == family)).collect();
+    values.extend(edit_values(candidate.program, candidate.parent, candidate.patch));
+    values.extend(hashed_edit(candidate.parent, candidate.patch));
+    values.extend(graph_values(candidate.program));
+    Ok(values)
+}
+
+/// The first column that is not a finite number.
+pub(super) fn check_finite(
+    schema: &FeatureSchema,
+    candidate: &CandidateView<'_>,
+    values: &[f64],
+) -> Result<(), FeatureError> {
+    let Some(place) = values.iter().position(|value| !value.is_finite()) else { return Ok(()) };
+    let column = schema.columns.get(place).map_or_else(String::new, |column| column.name.clone());
+    Err(FeatureError::NotFinite { column, candidate: candidate.program.solution_id.to_string() })
 }
 
 /// A candidate with the patch that made it, the parent that it came from, and what was compiled of both.
@@ -147,25 +184,16 @@ pub fn row(
     candidate: &CandidateView<'_>,
     scenes: &[SceneView<'_>],
 ) -> Result<WorldRow, FeatureError> {
-    let family = candidate.program.source_family.clone();
-    if !schema.families.contains(&family) {
-        return Err(FeatureError::UnknownFamily(family));
-    }
+    let mut values = candidate_values(schema, candidate)?;
     let open: Vec<&SceneView<'_>> = scenes.iter().filter(|scene| scene.open).collect();
     let open_share = open.len() as f64 / scenes.len().max(1) as f64;
-    let mut values: Vec<f64> = schema.families.iter().map(|known| flag(*known == family)).collect();
-    values.extend(edit_values(candidate.program, candidate.parent, candidate.patch));
-    values.extend(hashed_edit(candidate.parent, candidate.patch));
-    values.extend(graph_values(candidate.program));
     values.extend(scene_means(&open));
     values.extend(parent_values(candidate.parent_score, &open));
     values.push(open_share);
     values.extend(probe_values(candidate.probes));
     values.extend(candidate.simulated.iter().flat_map(|shown| in_open_scene(shown, open_share)));
-    if let Some(place) = values.iter().position(|value| !value.is_finite()) {
-        let column = schema.columns.get(place).map_or_else(String::new, |column| column.name.clone());
-        return Err(FeatureError::NotFinite { column, candidate: candidate.program.solution_id.to_string() });
-    }
+    check_finite(schema, candidate, &values)?;
+    let family = candidate.program.source_family.clone();
     let mechanism_class = candidate.mechanism_class();
     let parent = candidate.parent_score.objectives;
     Ok(WorldRow { features: values, open_share, parent, family, mechanism_class, pairs: Vec::new() })
@@ -234,7 +262,7 @@ fn probe_values(probes: &[ProbePair]) -> Vec<f64> {
 }
 
 /// The words of an edit, each hashed to a column: where it edits, which kind it puts there, and for a parameter by how much.
-pub(super) fn hashed_edit(parent: &Program, patch: &ProgramPatch) -> [f64; EDIT_HASHED] {
+fn hashed_edit(parent: &Program, patch: &ProgramPatch) -> [f64; EDIT_HASHED] {
     let mut values = [0.0; EDIT_HASHED];
     let mut add = |word: &str, value: f64| {
         let digest = Digest::of_bytes(format!("{} {word}", patch.source_baseline).as_bytes());
@@ -264,7 +292,7 @@ fn signed_change(old: f64, new: f64) -> f64 {
     if change.is_finite() { change.clamp(-1.0, 1.0) } else { 0.0 }
 }
 
-pub(super) fn edit_values(candidate: &Program, parent: &Program, patch: &ProgramPatch) -> [f64; 11] {
+fn edit_values(candidate: &Program, parent: &Program, patch: &ProgramPatch) -> [f64; 11] {
     let kind = |wanted: OperationKind| patch.operations.iter().filter(|o| o.op == wanted).count() as f64;
     let under = |root: &str| patch.operations.iter().filter(|o| o.path.starts_with(root)).count() as f64;
     let rises: Vec<f64> = candidate
@@ -306,7 +334,7 @@ fn relative_change(old: &ParameterValue, new: &ParameterValue) -> Option<f64> {
     }
 }
 
-pub(super) fn graph_values(program: &Program) -> Vec<f64> {
+fn graph_values(program: &Program) -> Vec<f64> {
     let nodes = &program.operator_graph;
     let lengths: Vec<f64> = program.mechanism_modules.values().map(|m| m.expression.len() as f64).collect();
     let mut values = vec![

@@ -5,12 +5,11 @@
 use std::collections::BTreeSet;
 
 use super::features::{
-    CandidateView, EDIT, EDIT_HASHED, FeatureError, GRAPH, INTERACTION, SCENE, SceneView, edit_values, flag,
-    graph_values, hashed_edit, mean, schema,
+    CandidateView, FeatureError, SCENE, SceneView, candidate_values, check_finite, flag, mean, schema, shared_schema,
 };
 use crate::kernel::Digest;
 use crate::objects::{
-    FamilyName, FeatureColumn, FeatureGroup, FeatureSchema, GroupMean, Objectives, PairRow, Probe, SceneScore, Slot,
+    FamilyName, FeatureColumn, FeatureGroup, FeatureSchema, GroupMean, Objectives, PairRow, Probe, SceneScore,
     WorldConfiguration, WorldFit, WorldModel, WorldRow,
 };
 
@@ -35,16 +34,8 @@ const DIAGNOSTICS: [&str; 2] = ["realism_parent_diagnostics_mean", "realism_pare
 
 /// The columns of an evaluator of pairs in a run with these families and egos.
 pub fn pair_schema(families: &[FamilyName], egos: &[String]) -> FeatureSchema {
-    let families: Vec<FamilyName> = families.iter().cloned().collect::<BTreeSet<_>>().into_iter().collect();
-    let mut columns: Vec<FeatureColumn> = Vec::new();
-    let mut add = |name: String, group| columns.push(FeatureColumn { name, group });
-    families.iter().for_each(|family| add(format!("family_{family}"), FeatureGroup::Family));
-    EDIT.iter().for_each(|name| add(name.to_string(), FeatureGroup::Edit));
-    (0..EDIT_HASHED).for_each(|k| add(format!("edit_hashed_{k:02}"), FeatureGroup::Edit));
-    GRAPH.iter().for_each(|name| add(name.to_string(), FeatureGroup::Graph));
-    Slot::ALL.iter().for_each(|slot| add(format!("graph_{}_nodes", slot.name()), FeatureGroup::Graph));
-    SCENE.iter().for_each(|name| add(format!("scene_{name}"), FeatureGroup::Scene));
-    INTERACTION.iter().for_each(|name| add(format!("log_{name}"), FeatureGroup::Interaction));
+    let mut schema = shared_schema(families);
+    let mut add = |name: String, group| schema.columns.push(FeatureColumn { name, group });
     PARENT.iter().for_each(|name| add(name.to_string(), FeatureGroup::Parent));
     PROBE.iter().for_each(|name| add(name.to_string(), FeatureGroup::Probe));
     let of_probe = |of: &[&str]| of.iter().flat_map(|n| [format!("probe_{n}"), format!("probe_change_{n}")]).collect();
@@ -61,7 +52,7 @@ pub fn pair_schema(families: &[FamilyName], egos: &[String]) -> FeatureSchema {
             add(format!("missed_{of}_{what}"), FeatureGroup::Calibration);
         }
     }
-    FeatureSchema { families, columns }
+    schema
 }
 
 /// The columns of a configuration's evaluator.
@@ -84,18 +75,12 @@ pub fn pair_row(
     scenes: &[SceneView<'_>],
 ) -> Result<WorldRow, FeatureError> {
     let family = candidate.program.source_family.clone();
-    if !schema.families.contains(&family) {
-        return Err(FeatureError::UnknownFamily(family));
-    }
     let mechanism_class = candidate.mechanism_class();
-    let parts = Parts::of(schema, candidate, ego, missed(fit, &family, &mechanism_class));
+    let parts = Parts::of(schema, candidate, ego, missed(fit, &family, &mechanism_class))?;
     let pairs: Vec<PairRow> = scenes.iter().map(|scene| parts.pair(candidate, scene)).collect();
     let columns = schema.columns.len();
     let features: Vec<f64> = (0..columns).map(|k| mean(pairs.iter().map(|pair| pair.features[k]))).collect();
-    if let Some(place) = features.iter().position(|value| !value.is_finite()) {
-        let column = schema.columns[place].name.clone();
-        return Err(FeatureError::NotFinite { column, candidate: candidate.program.solution_id.to_string() });
-    }
+    check_finite(schema, candidate, &features)?;
     let open = scenes.iter().filter(|scene| scene.open).count();
     let open_share = open as f64 / scenes.len().max(1) as f64;
     let parent = candidate.parent_score.objectives;
@@ -131,12 +116,13 @@ struct Parts {
 }
 
 impl Parts {
-    fn of(schema: &FeatureSchema, candidate: &CandidateView<'_>, ego: &str, missed: Vec<f64>) -> Parts {
-        let family = &candidate.program.source_family;
-        let mut first: Vec<f64> = schema.families.iter().map(|known| flag(known == family)).collect();
-        first.extend(edit_values(candidate.program, candidate.parent, candidate.patch));
-        first.extend(hashed_edit(candidate.parent, candidate.patch));
-        first.extend(graph_values(candidate.program));
+    fn of(
+        schema: &FeatureSchema,
+        candidate: &CandidateView<'_>,
+        ego: &str,
+        missed: Vec<f64>,
+    ) -> Result<Parts, FeatureError> {
+        let first = candidate_values(schema, candidate)?;
         let differing: Vec<_> = candidate.probes.iter().filter(|probe| !probe.same).collect();
         let numbers = |read: &dyn Fn(&Probe) -> f64| {
             let child = mean(differing.iter().map(|probe| read(&probe.child)));
@@ -154,13 +140,13 @@ impl Parts {
         let mut middle: Vec<f64> = egos.map(|column| ego_value(&column.name)).collect();
         middle.push(candidate.mechanism_tags.len() as f64);
         middle.extend(hashed_tags(candidate.mechanism_tags));
-        Parts {
+        Ok(Parts {
             first,
             near: std::iter::once(share).chain(near.iter().flat_map(|read| numbers(read))).collect(),
             middle,
             moves: moves.iter().flat_map(|read| numbers(read)).collect(),
             missed,
-        }
+        })
     }
 
     fn pair(&self, candidate: &CandidateView<'_>, scene: &SceneView<'_>) -> PairRow {

@@ -1,7 +1,7 @@
 //! Who is at fault for the held-out contacts of a run that was labelled without that question: parents and reported programs are played there
 //! again, and what comes out stands beside their labels. It is reported and nothing is searched by it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::cli::records::folder::RunFolder;
 use crate::cli::scenes::files;
@@ -70,13 +70,13 @@ fn drivers(folder: &RunFolder, run: &RecordedRun, file: &ProgramFile) -> Result<
     let own = labels.filter(|(lineage, _)| **lineage == file.program.lineage_id).map(|(_, label)| label);
     let names: Vec<String> = own.flat_map(|label| label.by_ego.keys().cloned()).collect();
     let names = if names.is_empty() { vec![file.conditions.ego.clone()] } else { names };
-    let distinct: BTreeMap<String, ()> = names.into_iter().map(|name| (name, ())).collect();
+    let distinct: BTreeSet<String> = names.into_iter().collect();
     let of = |name: String| {
         let learned = packed::own_weights(folder, file)?.filter(|_| name == "learned");
         let ego = learned.map_or_else(|| apply::driver(&name), Ok)?;
         Ok((name, ego))
     };
-    distinct.into_keys().map(of).collect()
+    distinct.into_iter().map(of).collect()
 }
 
 /// Takes over what the same contacts, played again, are said to be.

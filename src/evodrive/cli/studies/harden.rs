@@ -58,7 +58,7 @@ pub struct Options {
     /// Root of all draws.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Folder for the report (harden.md, harden.json, payoffs.svg), the constants (pdm.json) and what was simulated; the same command goes on there.
+    /// Folder for the report (harden.md, harden.json, payoffs.svg) and what was simulated; the same command goes on there.
     #[arg(long)]
     pub out: PathBuf,
     #[command(flatten)]
@@ -67,8 +67,25 @@ pub struct Options {
 
 /// A thing that a driver drives: a scene with what others do in it.
 struct Attack {
-    plant: Arc<Plant>,
+    plant: Plant,
     intervention: Intervention,
+    /// Of all that decides what a driver meets.
+    digest: Digest,
+}
+
+impl Attack {
+    fn new(plant: Plant, intervention: Intervention) -> Result<Attack, Failure> {
+        let rules = plant.options().digest().map_err(Failure::internal)?;
+        let decides = (plant.scene().digest(), rules, &intervention);
+        let digest = Digest::of("evodrive/harden/attack/1", &decides).map_err(Failure::internal)?;
+        Ok(Attack { plant, intervention, digest })
+    }
+
+    /// A scene of the pool under a family's rules.
+    fn on(entry: &SceneEntry, family: &Planned, intervention: Intervention) -> Result<Attack, Failure> {
+        let plant = Plant::with_options(entry.prepared.clone(), &family.rules).map_err(Failure::bad_input)?;
+        Attack::new(plant, intervention)
+    }
 }
 
 /// Cases or scenes in three parts that see nothing of each other.
@@ -118,14 +135,15 @@ impl Bench<'_> {
         Ok(made)
     }
 
-    /// How a driver comes through attacks, whose list has this digest.
-    fn drives(&self, ego: &Policy, of: (&[Attack], Digest)) -> Result<Drives, Failure> {
-        self.kept(&("drives", ego.digest(), of.1), || {
+    /// How a driver comes through attacks.
+    fn drives(&self, ego: &Policy, attacks: &[Attack]) -> Result<Drives, Failure> {
+        let met: Vec<Digest> = attacks.iter().map(|attack| attack.digest).collect();
+        self.kept(&("drives", ego.digest(), met), || {
             let one = |_: usize, attack: &Attack| {
                 rollout(&attack.plant, &attack.intervention, ego.driver().as_mut())
                     .map(|outcome| (outcome.contact.is_some(), outcome.route_completion))
             };
-            let driven: Result<Vec<(bool, f64)>, _> = self.threads.map(of.0, one).into_iter().collect();
+            let driven: Result<Vec<(bool, f64)>, _> = self.threads.map(attacks, one).into_iter().collect();
             let (crashed, completion) = driven.map_err(Failure::bad_input)?.into_iter().unzip();
             Ok(Drives { crashed, completion })
         })
@@ -136,8 +154,9 @@ impl Bench<'_> {
         &self,
         family: &Planned,
         programs: &[&Program],
-        (ego, entries, scenes): (&Policy, &[SceneEntry], Digest),
+        (ego, entries): (&Policy, &[SceneEntry]),
     ) -> Result<Vec<Option<Score>>, Failure> {
+        let scenes: Vec<Digest> = entries.iter().map(|entry| entry.digest).collect();
         let hashes = programs.iter().map(|of| of.hash()).collect::<Result<Vec<_>, _>>().map_err(Failure::internal)?;
         let rules = family.rules.digest().map_err(Failure::internal)?;
         self.kept(&("scores", hashes, ego.digest(), scenes, rules, family.member.seed), || {
@@ -182,7 +201,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let cases: Vec<Attack> = attacked
         .map(|case| {
             let plant = stage.plant(case).map_err(|error| Failure::bad_input(error.reason()))?;
-            Ok(Attack { plant: Arc::new(plant), intervention: case.intervention.clone() })
+            Attack::new(plant, case.intervention.clone())
         })
         .collect::<Result<_, Failure>>()?;
     let rounds = Rounds {
@@ -191,10 +210,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         families: &families,
         entries: &entries,
         plain: [plain(&families[0], &entries.searched)?, plain(&families[0], &entries.deciding)?],
-        pool: pool.digest(),
-        suite: frozen.digest,
     };
-    let hardening = rounds.played(&frozen.suite.name, Parts::of(cases))?;
+    let hardening = rounds.played((&frozen.suite.name, frozen.digest), Parts::of(cases))?;
     written(options, &hardening)
 }
 
@@ -214,11 +231,7 @@ fn checked(options: &Options) -> Result<(), Failure> {
 
 /// Scenes in which nobody is moved.
 fn plain(family: &Planned, entries: &[SceneEntry]) -> Result<Vec<Attack>, Failure> {
-    let of = |entry: &SceneEntry| {
-        let plant = Plant::with_options(entry.prepared.clone(), &family.rules).map_err(Failure::bad_input)?;
-        Ok(Attack { plant: Arc::new(plant), intervention: Intervention::default() })
-    };
-    entries.iter().map(of).collect()
+    entries.iter().map(|entry| Attack::on(entry, family, Intervention::default())).collect()
 }
 
 struct Rounds<'a> {
@@ -228,12 +241,17 @@ struct Rounds<'a> {
     entries: &'a Parts<SceneEntry>,
     /// Plain scenes that the search sees, and those that decide.
     plain: [Vec<Attack>; 2],
-    pool: Digest,
-    suite: Digest,
+}
+
+/// What one round's search of constants found.
+struct Found {
+    settings: pdm::Settings,
+    /// Crashes of champion and best trial in the cases that the search sees.
+    crashes: [usize; 2],
 }
 
 impl Rounds<'_> {
-    fn played(&self, suite: &str, cases: Parts<Attack>) -> Result<Hardening, Failure> {
+    fn played(&self, (suite, suite_digest): (&str, Digest), cases: Parts<Attack>) -> Result<Hardening, Failure> {
         // The suite's last third is not needed: payoffs are of generators, on other scenes.
         let (mut searched, mut deciding) = (cases.searched, cases.deciding);
         deciding.extend(cases.paying);
@@ -242,25 +260,19 @@ impl Rounds<'_> {
         let parents: Vec<Program> = self.families.iter().map(|family| family.program.clone()).collect();
         let mut generators = vec![("parents".to_string(), parents)];
         let mut rounds = Vec::new();
-        let mut lists = Digest::of_bytes(format!("{} {}", self.suite, self.pool).as_bytes());
         for round in 1..=self.options.rounds {
-            let (best, trials) = self.search(round, (&settings, &driver), (&searched, lists))?;
+            let Found { settings: best, crashes } = self.search(round, (&settings, &driver), &searched)?;
             let challenger = Policy::PdmWith(Box::new(best));
-            let named = |part: &str| Digest::of_bytes(format!("{part} {lists}").as_bytes());
             let both = |ego: &Policy| -> Result<[Drives; 2], Failure> {
-                let attacked = self.bench.drives(ego, (&deciding, named("deciding")))?;
-                Ok([attacked, self.bench.drives(ego, (&self.plain[1], named("deciding plain")))?])
+                Ok([self.bench.drives(ego, &deciding)?, self.bench.drives(ego, &self.plain[1])?])
             };
             let ([before, before_plain], [after, after_plain]) = (both(&driver)?, both(&challenger)?);
             let verdict = verdict([&before, &before_plain], [&after, &after_plain]);
             progress(format!("round {round}: {}", verdict.reason));
-            let searched_crashes = [&driver, &challenger]
-                .map(|ego| self.bench.drives(ego, (&searched, named("searched"))).map(|drives| drives.crashes()));
-            let [of_champion, of_challenger] = searched_crashes;
             rounds.push(HardeningRound {
                 round,
-                trials,
-                searched: [of_champion?, of_challenger?],
+                trials: self.options.trials,
+                searched: crashes,
                 searched_cases: searched.len(),
                 moved: moved(&settings, &best),
                 verdict: verdict.clone(),
@@ -274,12 +286,11 @@ impl Rounds<'_> {
             searched.extend(self.attacks(&evolved, &driver, &self.entries.searched)?);
             deciding.extend(self.attacks(&evolved, &driver, &self.entries.deciding)?);
             generators.push((format!("round {round}"), evolved));
-            lists = Digest::of_bytes(format!("{lists} {round} {}", driver.digest()).as_bytes());
         }
         let (payoffs, rollouts) = self.payoffs(&generators, &drivers)?;
         Ok(Hardening {
             suite: suite.to_string(),
-            suite_digest: self.suite,
+            suite_digest,
             families: self.families.iter().map(|family| family.member.family.to_string()).collect(),
             rounds,
             generators: generators.into_iter().map(|(name, _)| name).collect(),
@@ -290,22 +301,20 @@ impl Rounds<'_> {
         })
     }
 
-    /// The best of the trials on the cases that the search sees, and how many there were. Each trial is a neighbour of the best so far; it
-    /// takes its place with fewer crashes, or as many and more of the route, and no loss on plain scenes.
+    /// The best of the trials on the cases that the search sees. Each trial is a neighbour of the best so far; it takes its place with fewer
+    /// crashes, or as many and more of the route, and no loss on plain scenes.
     fn search(
         &self,
         round: usize,
         (settings, driver): (&pdm::Settings, &Policy),
-        (searched, lists): (&[Attack], Digest),
-    ) -> Result<(pdm::Settings, usize), Failure> {
-        let named = |part: &str| Digest::of_bytes(format!("{part} {lists}").as_bytes());
+        searched: &[Attack],
+    ) -> Result<Found, Failure> {
         let drives = |ego: &Policy| -> Result<[Drives; 2], Failure> {
-            let plain = self.bench.drives(ego, (&self.plain[0], named("searched plain")))?;
-            Ok([self.bench.drives(ego, (searched, named("searched")))?, plain])
+            Ok([self.bench.drives(ego, searched)?, self.bench.drives(ego, &self.plain[0])?])
         };
         let [mut best_drives, first_plain] = drives(driver)?;
-        let (mut best, trials) = (*settings, self.options.trials);
-        for trial in 0..trials {
+        let (mut best, before) = (*settings, best_drives.crashes());
+        for trial in 0..self.options.trials {
             let mut stream = Seed(self.options.seed).stream(&["harden", &round.to_string(), &trial.to_string()]);
             let tried = pdm::tuning::neighbour(&best, &mut stream);
             let [attacked, plain] = drives(&Policy::PdmWith(Box::new(tried)))?;
@@ -319,7 +328,7 @@ impl Rounds<'_> {
                 (best, best_drives) = (tried, attacked);
             }
         }
-        Ok((best, trials))
+        Ok(Found { settings: best, crashes: [before, best_drives.crashes()] })
     }
 
     /// Generators against a driver: of each family the random patches of the last round's program, of which the one with the most contacts
@@ -340,8 +349,7 @@ impl Rounds<'_> {
                 programs.extend(child.filter(|child| family.source.contract.check_program(child).is_empty()));
             }
             let all: Vec<&Program> = programs.iter().collect();
-            let scenes = Digest::of_bytes(format!("searched {}", self.pool).as_bytes());
-            let scores = self.bench.scores(family, &all, (driver, &self.entries.searched, scenes))?;
+            let scores = self.bench.scores(family, &all, (driver, &self.entries.searched))?;
             evolved.push(programs[strongest(&scores)].clone());
         }
         Ok(evolved)
@@ -354,9 +362,7 @@ impl Rounds<'_> {
             let made = applied(family, driver).interventions(&[program], entries, self.bench.threads)?;
             for (entry, made) in entries.iter().zip(made) {
                 if let Some(Ok(intervention)) = made.into_iter().next() {
-                    let plant =
-                        Plant::with_options(entry.prepared.clone(), &family.rules).map_err(Failure::bad_input)?;
-                    all.push(Attack { plant: Arc::new(plant), intervention });
+                    all.push(Attack::on(entry, family, intervention)?);
                 }
             }
         }
@@ -369,14 +375,13 @@ impl Rounds<'_> {
         generators: &[(String, Vec<Program>)],
         drivers: &[(String, Policy)],
     ) -> Result<(Vec<Vec<i64>>, usize), Failure> {
-        let scenes = Digest::of_bytes(format!("paying {}", self.pool).as_bytes());
         let mut payoffs = Vec::new();
         for (_, programs) in generators {
             let mut row = Vec::new();
             for (_, ego) in drivers {
                 let mut count = 0;
                 for (family, program) in self.families.iter().zip(programs) {
-                    let scores = self.bench.scores(family, &[program], (ego, &self.entries.paying, scenes))?;
+                    let scores = self.bench.scores(family, &[program], (ego, &self.entries.paying))?;
                     count += scores.iter().flatten().map(contacts).sum::<usize>();
                 }
                 row.push(i64::try_from(count).unwrap_or(i64::MAX));

@@ -92,14 +92,11 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
 
 /// The table, and the files that were asked for.
 fn written(options: &Options, of: &Transferred) -> Result<Answer, Failure> {
+    let table = tables::transfer(of, options.by_family);
     if let Some(place) = &options.figure {
         let heads: Vec<String> = of.drivers.iter().map(|name| head(name).to_string()).collect();
-        let panel = |(name, title): (&str, &str)| Panel {
-            title: title.to_string(),
-            rows: of.matrix(name),
-            columns: heads.clone(),
-        };
-        let panels = Transferred::PANELS.map(panel);
+        let panel = |(title, rows): (&str, Vec<_>)| Panel { title: title.to_string(), rows, columns: heads.clone() };
+        let panels: Vec<Panel> = tables::panels(&table).into_iter().map(panel).collect();
         let title = "Evolved on (rows), tested on (columns): share of scenes";
         options.output.write(place, heat_map(title, &panels, 1.0).svg().as_bytes())?;
     }
@@ -112,7 +109,6 @@ fn written(options: &Options, of: &Transferred) -> Result<Answer, Failure> {
         }
         options.output.write(place, text.as_bytes())?;
     }
-    let table = tables::transfer(of, options.by_family);
     let object = json!({"table": table.json(), "scenes": of.scenes.len(), "programs": of.scores.len()});
     Ok(Answer::exact(options.format.unwrap_or(Format::Markdown).text(&table), object))
 }

@@ -20,11 +20,17 @@ pub fn apart(study: &Study) -> bool {
     study.archive.front_per == FrontPer::Group
 }
 
+/// The groups of scenes, each once.
+fn distinct(of_scene: &BTreeMap<&str, Group>) -> BTreeSet<Group> {
+    of_scene.values().copied().collect()
+}
+
 /// Enters a lineage's parent into the archives of all groups of the study.
 pub fn begin(study: &Study, archive: &mut Archive, parent: &SolutionId) {
     if apart(study) {
-        let all: BTreeSet<Group> = groups(study, &study.evolution).into_values().collect();
-        all.into_iter().for_each(|group| archive.enter(group_name(group), parent.clone()));
+        distinct(&groups(study, &study.evolution))
+            .into_iter()
+            .for_each(|group| archive.enter(group_name(group), parent.clone()));
     }
 }
 
@@ -52,7 +58,7 @@ pub fn accepted_in(
         Score { scenes: scenes.cloned().collect(), failures: Vec::new(), benchmark: None, ..score.clone() }
     };
     let mut accepted = Vec::new();
-    for group in of_scene.values().copied().collect::<BTreeSet<Group>>() {
+    for group in distinct(&of_scene) {
         let name = group_name(group);
         let own = within(child, group);
         if own.scenes.is_empty() {
@@ -72,8 +78,7 @@ pub fn accepted_in(
 
 /// Enters a child into the archives of groups: of those that accepted it, or of all where the front is of all evaluated.
 pub fn enter(study: &Study, archive: &mut Archive, child: &SolutionId, accepted: &[String]) {
-    let all: BTreeSet<Group> = groups(study, &study.evolution).into_values().collect();
-    for name in all.into_iter().map(group_name) {
+    for name in distinct(&groups(study, &study.evolution)).into_iter().map(group_name) {
         if study.archive.front == FrontOf::Evaluated || accepted.contains(&name) {
             archive.enter(name, child.clone());
         }
@@ -116,7 +121,7 @@ pub fn gains_of_archives_pct(
         let chosen: Vec<Points> = first.iter().filter_map(|solution| after.get(solution).cloned()).collect();
         gains_pct(std::iter::once(group), &before, &chosen, k, &study.archive)
     };
-    Ok(of_scene.values().copied().collect::<BTreeSet<Group>>().into_iter().flat_map(gain).collect())
+    Ok(distinct(&of_scene).into_iter().flat_map(gain).collect())
 }
 
 /// The mean over groups.

@@ -40,8 +40,10 @@ pub struct Floor {
     pub rejected: usize,
     /// Lineages of the run.
     pub parents: usize,
-    /// The floor at which the paper's share of them is rejected, 1.
+    /// The floor at which the paper's share of them is rejected, rounded down to whole parents, 1.
     pub calibrated: f64,
+    /// Parents below that one: none of fewer than ten.
+    pub rejected_then: usize,
     /// Lineages that report another program then.
     pub others: usize,
     /// Those among them whose program has no held-out labels; they keep the declared choice.
@@ -95,10 +97,8 @@ fn calibrated(run: &RecordedRun, options: &SelectorOptions) -> Option<(RecordedR
     let parents =
         result.lineages.iter().filter_map(|of| Some(score_of(&of.lineage, &of.parent.solution)?.objectives.realism));
     let mut parents: Vec<f64> = parents.collect();
-    parents.sort_by(f64::total_cmp);
-    let below = REJECTED[0] * parents.len() / REJECTED[1];
-    let calibrated = *parents.get(below)?;
-    let rejected = parents.iter().filter(|realism| **realism < options.realism_min).count();
+    let calibrated = calibrated_floor(&mut parents)?;
+    let below = |floor: f64| parents.iter().filter(|realism| **realism < floor).count();
     let at = SelectorOptions { realism_min: calibrated, ..options.clone() };
     let (mut others, mut unmeasured) = (0, 0);
     for lineage in &mut result.lineages {
@@ -119,11 +119,24 @@ fn calibrated(run: &RecordedRun, options: &SelectorOptions) -> Option<(RecordedR
             None => unmeasured += 1,
         }
     }
-    let floor =
-        Floor { declared: options.realism_min, rejected, parents: parents.len(), calibrated, others, unmeasured };
+    let floor = Floor {
+        declared: options.realism_min,
+        rejected: below(options.realism_min),
+        parents: parents.len(),
+        calibrated,
+        rejected_then: below(calibrated),
+        others,
+        unmeasured,
+    };
     let mut changed = run.clone();
     changed.result = Some(result);
     Some((changed, floor))
+}
+
+/// The floor that rejects as large a share of parents as the paper's, in whole parents; `None` of none.
+fn calibrated_floor(parents: &mut [f64]) -> Option<f64> {
+    parents.sort_by(f64::total_cmp);
+    parents.get(REJECTED[0] * parents.len() / REJECTED[1]).copied()
 }
 
 /// A row a claim: verdict and least convincing estimate under each protocol, by the declared floor and by the calibrated one.
@@ -143,9 +156,17 @@ pub fn side_by_side(all: &[ClaimsUnder]) -> String {
         for (name, of) in &under.floors {
             let _ = writeln!(
                 out,
-                "- {name}: R >= {} rejects {} of {} parents; the paper's rejects {} of {}. At R >= {:.4}, which rejects as large a share, {} \
+                "- {name}: R >= {} rejects {} of {} parents; the paper's rejects {} of {}. At R >= {:.4}, which rejects {}, {} \
                  lineages report another program ({} of them without held-out labels, so that they keep theirs)",
-                of.declared, of.rejected, of.parents, REJECTED[0], REJECTED[1], of.calibrated, of.others, of.unmeasured
+                of.declared,
+                of.rejected,
+                of.parents,
+                REJECTED[0],
+                REJECTED[1],
+                of.calibrated,
+                of.rejected_then,
+                of.others,
+                of.unmeasured
             );
         }
         out.push('\n');
@@ -172,4 +193,20 @@ pub fn side_by_side(all: &[ClaimsUnder]) -> String {
         let _ = writeln!(out, "| {}: {} | {} |", claim.id, claim.text, cells.join(" | "));
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_calibrated_floor_rejects_two_of_twenty_parents_and_of_a_few_none() {
+        let rejected = |count: usize| {
+            let mut parents: Vec<f64> = (0..count).map(|k| 0.99 - 0.01 * k as f64).collect();
+            let floor = calibrated_floor(&mut parents).unwrap();
+            parents.iter().filter(|realism| **realism < floor).count()
+        };
+        assert_eq!([20, 10, 9, 1].map(rejected), [2, 1, 0, 0]);
+        assert_eq!(calibrated_floor(&mut []), None);
+    }
 }

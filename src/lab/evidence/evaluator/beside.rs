@@ -182,3 +182,61 @@ impl Beside {
         out
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::Digest;
+    use crate::objects::{FamilyName, Objectives, RouteDecision};
+
+    /// Ten candidates of an epoch, of which the last three gain; ranked and predicted as given.
+    fn candidates(rank: impl Fn(usize) -> f64, predicted: impl Fn(usize) -> f64, uncertainty: f64) -> Vec<Case> {
+        let parent = Objectives { attack: 0.2, realism: 0.9 };
+        let case = |k: usize| {
+            let difference = Objectives { attack: if k < 7 { -0.2 } else { 0.1 * k as f64 - 0.6 }, realism: 0.0 };
+            Case {
+                attempt: AttemptId::new(format!("cat/e0s{k}")),
+                program: Digest::of_bytes(&[k as u8]),
+                lineage: LineageId::new("cat"),
+                family: FamilyName::new("cat"),
+                epoch: 0,
+                decision: RouteDecision::Select,
+                predicted: Objectives { attack: predicted(k), realism: 0.0 },
+                half_width: None,
+                uncertainty,
+                parent,
+                labelled: Some(Objectives { attack: parent.attack + difference.attack, realism: parent.realism }),
+                rank_score: rank(k),
+                label: Some((difference, k >= 7)),
+                turned_away: false,
+                weight: 1.0,
+            }
+        };
+        (0..10).map(case).collect()
+    }
+
+    fn of(cases: &[Case]) -> Evaluated {
+        evaluated("run", &cases.iter().collect::<Vec<&Case>>(), [0.0, 0.0])
+    }
+
+    #[test]
+    fn an_evaluator_that_ranks_by_the_gain_keeps_all_and_one_that_ranks_in_reverse_turns_the_accepted_away() {
+        let difference = |k: usize| if k < 7 { -0.2 } else { 0.1 * k as f64 - 0.6 };
+        let right = of(&candidates(|k| k as f64, difference, 0.1));
+        let wrong = of(&candidates(|k| -(k as f64), |k| -difference(k), 0.1));
+        assert_eq!((right.false_reject_pct, right.hypervolume_pct), (Some(0.0), Some(100.0)));
+        assert!(wrong.false_reject_pct > Some(42.0) && wrong.hypervolume_pct < Some(99.0), "{wrong:?}");
+        assert_eq!((right.low_pct, right.low_accepted_pct), (Some(70.0), Some(0.0)));
+        assert_eq!((wrong.low_pct, wrong.low_accepted_pct), (Some(20.0), Some(100.0)));
+    }
+
+    #[test]
+    fn who_is_never_certain_calls_nobody_low_and_a_draw_lies_between_right_and_wrong() {
+        let unsure = of(&candidates(|_| 0.0, |_| -1.0, 1.0));
+        assert_eq!((unsure.low_pct, unsure.uncertain_pct, unsure.spearman), (Some(0.0), Some(100.0), None));
+        let cases = candidates(|k| k as f64, |_| 0.0, 0.1);
+        let all: Vec<&Case> = cases.iter().collect();
+        let drawn = drawn(&grouped(&all), [0.0, 0.0]).unwrap();
+        assert!(drawn < 100.0 && Some(drawn) > of(&candidates(|k| -(k as f64), |_| 0.0, 0.1)).hypervolume_pct);
+    }
+}

@@ -77,5 +77,5 @@ pub use readings::{
 };
 pub(in crate::evidence) use safebench::round_columns as family_columns;
 pub use safebench::{safebench_main, safebench_rounds};
-pub use transfer::{DRIVERS, Line, Transferred, judges, kendall_tau_b, transfer};
+pub use transfer::{DRIVERS, Line, Transferred, judges, panels, transfer};
 pub use unseen::{held_out_change, safebench_held_out};

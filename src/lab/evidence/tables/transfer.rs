@@ -11,7 +11,8 @@ use super::notes;
 use super::readings::{AT_FAULT, BROUGHT_ABOUT, COULD_BE_PREVENTED};
 use crate::kernel::{Digest, num};
 use crate::objects::{SceneScore, Score};
-use crate::statistics::bootstrap::{self, Estimate, PerScene, Quantity, Search};
+use crate::statistics::bootstrap::{PerScene, Quantity, Search};
+use crate::world::measures::kendall;
 
 /// One lineage's reported program and its parent.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,10 +58,16 @@ const PARENT: &str = "parent";
 /// The rows over all families.
 const ALL: &str = "all families";
 
-const READINGS: [(&str, &str, Reading); 3] = [
-    ("published", "Published: any contact with an adversary that the program brought about", BROUGHT_ABOUT),
-    ("preventable", "Preventable: the part that a careful driver avoids", COULD_BE_PREVENTED),
-    ("at-fault", "At fault: the part for which the driver is, by nuPlan's rule", AT_FAULT),
+/// Name, the panel's head in a heat map, title.
+const READINGS: [(&str, &str, &str, Reading); 3] = [
+    (
+        "published",
+        "Published",
+        "Published: any contact with an adversary that the program brought about",
+        BROUGHT_ABOUT,
+    ),
+    ("preventable", "Preventable", "Preventable: the part that a careful driver avoids", COULD_BE_PREVENTED),
+    ("at-fault", "At fault", "At fault: the part for which the driver is, by nuPlan's rule", AT_FAULT),
 ];
 
 /// The programs of one row: a quantity has a search a family and a seed a repetition.
@@ -157,22 +164,6 @@ impl Transferred {
             notes: Vec::new(),
         }
     }
-
-    /// Row labels and shares by driver of one reading over all families: what a heat map shows.
-    pub fn matrix(&self, reading: &str) -> Vec<(String, Vec<Option<f64>>)> {
-        let Some((.., of)) = READINGS.into_iter().find(|(name, ..)| *name == reading) else { return Vec::new() };
-        let cells = |row: &RowOf<'_>| {
-            let quantities: Vec<Quantity> =
-                (0..self.drivers.len()).map(|driver| self.quantity(row, driver, (of, false))).collect();
-            let estimates = bootstrap::estimates(&quantities);
-            (row.evolved_on.to_string(), estimates.iter().map(|of: &Option<Estimate>| of.map(|of| of.value)).collect())
-        };
-        self.rows(None).iter().map(cells).collect()
-    }
-
-    /// Names of the readings, and what a panel of each is called.
-    pub const PANELS: [(&'static str, &'static str); 3] =
-        [("published", "Published"), ("preventable", "Preventable"), ("at-fault", "At fault")];
 }
 
 /// The matrix by three readings, and what each row adds to its parents, paired by scene. `by_family` adds a row a family.
@@ -180,7 +171,7 @@ pub fn transfer(of: &Transferred, by_family: bool) -> Table {
     let families = if by_family { of.families() } else { Vec::new() };
     let mut rows = of.rows(None);
     rows.extend(families.into_iter().flat_map(|family| of.rows(Some(family))));
-    let part = |(name, title, reading): (&str, &str, Reading), change: bool| Part {
+    let part = |(name, _, title, reading): (&str, &str, &str, Reading), change: bool| Part {
         name: format!("transfer-{name}{}", if change { "-change" } else { "" }),
         title: if change { format!("{title}; change over the parent, paired by scene") } else { title.to_string() },
         source: None,
@@ -202,6 +193,20 @@ pub fn transfer(of: &Transferred, by_family: bool) -> Table {
     }
 }
 
+/// A row's name, and its share by driver; `None` where none is known.
+pub type NamedShares = (String, Vec<Option<f64>>);
+
+/// What a heat map of the table shows: of each reading its head, and over all families the rows' names and shares by driver.
+pub fn panels(table: &Table) -> Vec<(&'static str, Vec<NamedShares>)> {
+    let share = |row: &Row| row.cells.iter().map(|cell| cell.ours.map(|of| of.value)).collect();
+    let shown = |(name, head, ..): (&str, &'static str, &str, Reading)| {
+        let part = table.parts.iter().find(|part| part.name == format!("transfer-{name}"))?;
+        let rows = part.rows.iter().filter(|row| row.labels[0] == ALL);
+        Some((head, rows.map(|row| (row.labels[1].clone(), share(row))).collect()))
+    };
+    READINGS.into_iter().filter_map(shown).collect()
+}
+
 fn notes(of: &Transferred) -> Vec<String> {
     let without = |row: &RowOf<'_>| {
         let own: BTreeSet<&str> = row.lines.iter().map(|line| line.family.as_str()).collect();
@@ -220,24 +225,6 @@ fn notes(of: &Transferred) -> Vec<String> {
     }
     notes.extend(of.rows(None).iter().filter_map(without));
     notes
-}
-
-/// Rank agreement of two judges about the same programs: Kendall's tau-b, exact over the pairs; `None` where one of them tells no two
-/// programs apart.
-pub fn kendall_tau_b(one: &[f64], other: &[f64]) -> Option<f64> {
-    let (mut concordant, mut discordant, mut tied_one, mut tied_other) = (0_i64, 0_i64, 0_i64, 0_i64);
-    for i in 0..one.len().min(other.len()) {
-        for j in 0..i {
-            let (a, b) = (one[i].total_cmp(&one[j]) as i64, other[i].total_cmp(&other[j]) as i64);
-            concordant += i64::from(a * b > 0);
-            discordant += i64::from(a * b < 0);
-            tied_one += i64::from(a == 0 && b != 0);
-            tied_other += i64::from(b == 0 && a != 0);
-        }
-    }
-    let both = concordant + discordant;
-    let scale = ((both + tied_one) as f64) * ((both + tied_other) as f64);
-    (scale > 0.0).then(|| (concordant - discordant) as f64 / scale.sqrt())
 }
 
 /// Who judges a contact.
@@ -269,9 +256,8 @@ pub fn judges(of: &Transferred, driver: usize) -> String {
     out += &"|--:".repeat(JUDGES.len());
     out += "|\n";
     for (row, (name, _)) in JUDGES.iter().enumerate() {
-        let cell = |column: usize| {
-            kendall_tau_b(&ranked[row], &ranked[column]).map_or("–".to_string(), |tau| num::signed(tau, 2))
-        };
+        let cell =
+            |column: usize| kendall(&ranked[row], &ranked[column]).map_or("–".to_string(), |tau| num::signed(tau, 2));
         let cells: Vec<String> = (0..JUDGES.len()).map(cell).collect();
         out += &format!("| {name} | {} |\n", cells.join(" | "));
     }
@@ -368,11 +354,11 @@ mod tests {
 
     #[test]
     fn judges_who_rank_alike_agree_and_who_rank_in_reverse_do_not() {
-        assert_eq!(kendall_tau_b(&[1.0, 2.0, 3.0], &[10.0, 20.0, 30.0]), Some(1.0));
-        assert_eq!(kendall_tau_b(&[1.0, 2.0, 3.0], &[3.0, 2.0, 1.0]), Some(-1.0));
-        assert_eq!(kendall_tau_b(&[1.0, 1.0], &[3.0, 2.0]), None);
+        assert_eq!(kendall(&[1.0, 2.0, 3.0], &[10.0, 20.0, 30.0]), Some(1.0));
+        assert_eq!(kendall(&[1.0, 2.0, 3.0], &[3.0, 2.0, 1.0]), Some(-1.0));
+        assert_eq!(kendall(&[1.0, 1.0], &[3.0, 2.0]), None);
         // Five pairs of one order, one tied by one judge: 5 / sqrt(6 · 5).
-        let tau = kendall_tau_b(&[1.0, 2.0, 3.0, 4.0], &[1.0, 2.0, 3.0, 3.0]).unwrap();
+        let tau = kendall(&[1.0, 2.0, 3.0, 4.0], &[1.0, 2.0, 3.0, 3.0]).unwrap();
         assert!((tau - 5.0 / 30.0_f64.sqrt()).abs() < 1e-12, "{tau}");
     }
 

@@ -226,6 +226,11 @@ pub struct Projection {
     pub segment: usize,
 }
 
+/// Every so many points of a line bound how far its nearest place can be.
+const COARSE: usize = 16;
+/// More than rounding amounts to in a distance or a length, metres.
+const SLACK_M: f64 = 1e-3;
+
 /// A path with arc length. At least two points, no zero-length segment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Vec<Vec2>", into = "Vec<Vec2>")]
@@ -329,8 +334,32 @@ impl Polyline {
     }
 
     /// Nearest place on the path; if two are equally near, the first. Beyond the ends `s` is clamped.
+    ///
+    /// Of a point of the line that is so far away, the line lies no nearer than that less the way along it: stretches that are so passed over
+    /// make the search short, and its answer is that of [`Polyline::project_within`] over all segments.
     pub fn project(&self, point: Vec2) -> Projection {
-        self.project_within(point, 0, self.points.len() - 1)
+        let last = self.points.len() - 1;
+        let coarse = self.points.iter().step_by(COARSE).map(|at| (*at - point).norm_squared());
+        let mut bound_m = coarse.fold(f64::INFINITY, f64::min).sqrt() + SLACK_M;
+        let (mut best, mut best_distance) = ((0, 0.0), f64::INFINITY);
+        let mut i = 0;
+        while i < last {
+            let passed_m = self.lengths[i] + ((self.points[i] - point).norm() - bound_m);
+            if self.lengths[i + 1] < passed_m {
+                // From end to end: a search by halves costs more where little is passed over.
+                while i < last && self.lengths[i + 1] < passed_m {
+                    i += 1;
+                }
+                continue;
+            }
+            let (share, distance) = self.nearest_of(i, point);
+            if distance < best_distance {
+                (best, best_distance) = ((i, share), distance);
+                bound_m = bound_m.min(distance.sqrt() + SLACK_M);
+            }
+            i += 1;
+        }
+        self.projection(point, best, best_distance)
     }
 
     /// [`Polyline::project`] restricted to segments `from..to` (a window around a known place is cheaper).
@@ -339,18 +368,26 @@ impl Polyline {
         let from = from.min(to - 1);
         let (mut best, mut best_distance) = ((from, 0.0), f64::INFINITY);
         for i in from..to {
-            let (a, b) = (self.points[i], self.points[i + 1]);
-            let along = b - a;
-            let share = ((point - a).dot(along) / along.norm_squared()).clamp(0.0, 1.0);
-            let distance = (point - a.lerp(b, share)).norm_squared();
+            let (share, distance) = self.nearest_of(i, point);
             if distance < best_distance {
                 (best, best_distance) = ((i, share), distance);
             }
         }
-        let (i, share) = best;
+        self.projection(point, best, best_distance)
+    }
+
+    /// The share of a segment at which it is nearest, and the squared distance there.
+    fn nearest_of(&self, segment: usize, point: Vec2) -> (f64, f64) {
+        let (a, b) = (self.points[segment], self.points[segment + 1]);
+        let along = b - a;
+        let share = ((point - a).dot(along) / along.norm_squared()).clamp(0.0, 1.0);
+        (share, (point - a.lerp(b, share)).norm_squared())
+    }
+
+    fn projection(&self, point: Vec2, (i, share): (usize, f64), distance_squared: f64) -> Projection {
         let along = self.points[i + 1] - self.points[i];
         let side = along.cross(point - self.points[i]);
-        let distance = best_distance.sqrt();
+        let distance = distance_squared.sqrt();
         Projection {
             s_m: self.lengths[i] + share * (self.lengths[i + 1] - self.lengths[i]),
             offset_m: if side < 0.0 { -distance } else { distance },
@@ -433,6 +470,27 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn what_is_passed_over_changes_no_projection(
+            turns in prop::collection::vec((-1.6..1.6f64, 0.0..4.0f64), 1..90), away in prop::sample::select(vec![0.0, 5e6]),
+            x in -60.0..60.0f64, y in -60.0..60.0f64, whole in any::<bool>(),
+        ) {
+            let mut points = vec![Vec2::new(away, -away)];
+            let mut heading_rad = 0.0;
+            for (turn_rad, length_m) in turns {
+                heading_rad += turn_rad;
+                let to = points[points.len() - 1] + Vec2::from_heading(heading_rad) * (0.1 + length_m);
+                // On whole metres lines meet themselves, and places are equally near to several segments.
+                points.push(if whole { Vec2::new(to.x.round(), to.y.round()) } else { to });
+            }
+            points.dedup();
+            prop_assume!(points.len() > 1);
+            let line = Polyline::new(points).unwrap();
+            let at = if whole { Vec2::new(x.round(), y.round()) } else { Vec2::new(x, y) };
+            let at = at + Vec2::new(away, -away);
+            prop_assert_eq!(line.project(at), line.project_within(at, 0, usize::MAX));
+        }
+
         #[test]
         fn overlap_and_distance_agree_with_parry(
             x in -8.0..8.0f64, y in -8.0..8.0f64, h1 in -4.0..4.0f64, h2 in -4.0..4.0f64,

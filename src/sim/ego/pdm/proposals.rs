@@ -41,25 +41,25 @@ impl Corridor<'_> {
             .collect();
         let reach_m = 0.5 * (to_m - from_m) + 2.0 * half_width_m;
         let middle = path.at(0.5 * (from_m + to_m)).position;
-        let map = |map: usize| {
-            let mut on_path = Vec::new();
-            for (ix, other) in others.iter().enumerate() {
-                let theirs = other.at_step(map * STEPS_A_MAP);
-                let radius_m = theirs.radius();
-                if (theirs.center - middle).norm() > reach_m + radius_m {
-                    continue;
-                }
-                let (s_m, beside_m) = path.project(theirs.center);
-                if beside_m > half_width_m + radius_m + 1.0 {
-                    continue;
-                }
-                if pieces.iter().any(|piece| piece.overlaps(&theirs)) {
-                    on_path.push((ix, s_m));
-                }
+        let on_it = |theirs: &OrientedBox| -> Option<f64> {
+            let radius_m = theirs.radius();
+            if (theirs.center - middle).norm() > reach_m + radius_m {
+                return None;
             }
-            on_path
+            let (s_m, beside_m) = path.project(theirs.center);
+            let is_near = beside_m <= half_width_m + radius_m + 1.0;
+            (is_near && pieces.iter().any(|piece| piece.overlaps(theirs))).then_some(s_m)
         };
-        Corridor { path, from_m, on_path: (0..=STEPS / STEPS_A_MAP).map(map).collect() }
+        let mut on_path = vec![Vec::new(); STEPS / STEPS_A_MAP + 1];
+        for (ix, other) in others.iter().enumerate() {
+            // Who stands is where they are on every map.
+            let standing = (other.speed_mps == 0.0).then(|| on_it(&other.now));
+            for (map, on_path) in on_path.iter_mut().enumerate() {
+                let place = standing.unwrap_or_else(|| on_it(&other.at_step(map * STEPS_A_MAP)));
+                on_path.extend(place.map(|s_m| (ix, s_m)));
+            }
+        }
+        Corridor { path, from_m, on_path }
     }
 }
 

@@ -3,11 +3,11 @@
 
 use super::areas::{Areas, areas};
 use super::centreline::Centreline;
-use super::comfort::is_comfortable;
+use super::comfort::Comfort;
 use super::forecast::{Other, contact_kind};
 use super::settings::{AHEAD_RAD, PROGRESS_MIN_M, STATES, STEP_S, Settings};
 use super::simulated::{Car, State};
-use crate::kernel::OrientedBox;
+use crate::kernel::{OrientedBox, Vec2};
 use crate::sim::Plant;
 use crate::sim::fault::{BEHIND_RAD, ContactKind, OTHER_STANDS_MPS, seen_at_rad};
 
@@ -43,7 +43,8 @@ struct Parts {
 impl Judge<'_> {
     /// The judgements, in the order of the proposals.
     pub fn judged(&self, proposals: &[[State; STATES]]) -> Vec<Judgement> {
-        let parts: Vec<Parts> = proposals.iter().map(|states| self.parts(states)).collect();
+        let comfort = Comfort::new();
+        let parts: Vec<Parts> = proposals.iter().map(|states| self.parts(states, &comfort)).collect();
         let worth = |part: &Parts| part.progress_m * part.multiplier;
         let best_m = parts.iter().map(worth).fold(0.0, f64::max);
         let judged = |part: &Parts| {
@@ -64,47 +65,34 @@ impl Judge<'_> {
         parts.iter().map(judged).collect()
     }
 
-    fn parts(&self, states: &[State; STATES]) -> Parts {
+    fn parts(&self, states: &[State; STATES], comfort: &Comfort) -> Parts {
         let boxes = states.each_ref().map(|state| self.car.footprint(state.position, state.heading_rad));
         let areas = boxes.each_ref().map(|own| areas(self.plant, self.on_route, own));
-        let (struck, at_fault_s) = self.collisions(states, &boxes, &areas);
+        let near = self.near(states, &boxes);
+        let (struck, at_fault_s) = collisions(&near, states, &boxes, &areas);
         let on_road = f64::from(!areas.iter().any(|area| area.off_road));
         let (from_m, _) = self.centreline.project(boxes[0].center);
         let (to_m, _) = self.centreline.project(boxes[STATES - 1].center);
         Parts {
             multiplier: struck * on_road * self.direction(&boxes, &areas),
             progress_m: (to_m - from_m).max(0.0),
-            is_far_from_collision: self.is_far_from_collision(states, &boxes, &areas),
-            is_comfortable: is_comfortable(states, self.car.wheelbase_m, self.settings),
+            is_far_from_collision: self.is_far_from_collision(&near, states, &boxes, &areas),
+            is_comfortable: comfort.holds(states, self.car.wheelbase_m, self.settings),
             at_fault_s,
         }
     }
 
-    /// 0 where a road user is struck for which the ego is at fault, .5 where a thing is, else 1; and the time of the first.
-    fn collisions(
-        &self,
-        states: &[State; STATES],
-        boxes: &[OrientedBox; STATES],
-        areas: &[Areas; STATES],
-    ) -> (f64, Option<f64>) {
-        let (mut worth, mut first) = (1.0_f64, None);
-        for other in self.others.iter().filter(|other| !other.is_light) {
-            // Whoever is met once is met.
-            let meets = |k: &usize| boxes[*k].overlaps(&other.at_step(*k));
-            let Some(k) = (0..STATES).find(meets) else { continue };
-            let theirs = other.at_step(k);
-            let is_at_fault = match contact_kind(&boxes[k], states[k].position, states[k].speed_mps, other, &theirs) {
-                ContactKind::EgoStands | ContactKind::Rear => false,
-                ContactKind::OtherStands | ContactKind::Front => true,
-                ContactKind::Side => areas[k].in_several_lanes || areas[k].off_road,
-            };
-            if is_at_fault {
-                worth = worth.min(if other.is_agent { 0.0 } else { 0.5 });
-                let at_s = k as f64 * STEP_S;
-                first = Some(first.map_or(at_s, |before: f64| before.min(at_s)));
-            }
-        }
-        (worth, first)
+    /// The others but lights whom some box may meet, now or looking ahead: the rest is passed over at once.
+    fn near(&self, states: &[State; STATES], boxes: &[OrientedBox; STATES]) -> Vec<&Other> {
+        let looks_s = self.settings.collision_looks_s.into_iter().fold(0.0, f64::max);
+        let fastest_mps = states.iter().map(|state| state.speed_mps.abs()).fold(0.0, f64::max);
+        let way = Extent::of(boxes.iter().map(|own| own.center), boxes[0].radius() + fastest_mps * looks_s);
+        let last = STATES + (looks_s / STEP_S) as usize;
+        let is_near = |other: &&Other| {
+            let ends = [other.at_step(0).center, other.at_step(last).center];
+            !other.is_light && way.meets(&Extent::of(ends.into_iter(), other.now.radius()))
+        };
+        self.others.iter().filter(is_near).collect()
     }
 
     /// 1, .5 or 0 by the longest way against traffic.
@@ -125,11 +113,12 @@ impl Judge<'_> {
     /// Whether nobody ahead would be met within a second if the ego went straight on.
     fn is_far_from_collision(
         &self,
+        near: &[&Other],
         states: &[State; STATES],
         boxes: &[OrientedBox; STATES],
         areas: &[Areas; STATES],
     ) -> bool {
-        self.others.iter().filter(|other| !other.is_light).all(|other| {
+        near.iter().all(|other| {
             for k in 0..STATES {
                 let (state, own) = (&states[k], &boxes[k]);
                 if state.speed_mps < OTHER_STANDS_MPS {
@@ -149,5 +138,102 @@ impl Judge<'_> {
             }
             true
         })
+    }
+}
+
+/// 0 where a road user is struck for which the ego is at fault, .5 where a thing is, else 1; and the time of the first.
+fn collisions(
+    near: &[&Other],
+    states: &[State; STATES],
+    boxes: &[OrientedBox; STATES],
+    areas: &[Areas; STATES],
+) -> (f64, Option<f64>) {
+    let (mut worth, mut first) = (1.0_f64, None);
+    for other in near {
+        // Whoever is met once is met.
+        let meets = |k: &usize| boxes[*k].overlaps(&other.at_step(*k));
+        let Some(k) = (0..STATES).find(meets) else { continue };
+        let theirs = other.at_step(k);
+        let is_at_fault = match contact_kind(&boxes[k], states[k].position, states[k].speed_mps, other, &theirs) {
+            ContactKind::EgoStands | ContactKind::Rear => false,
+            ContactKind::OtherStands | ContactKind::Front => true,
+            ContactKind::Side => areas[k].in_several_lanes || areas[k].off_road,
+        };
+        if is_at_fault {
+            worth = worth.min(if other.is_agent { 0.0 } else { 0.5 });
+            let at_s = k as f64 * STEP_S;
+            first = Some(first.map_or(at_s, |before: f64| before.min(at_s)));
+        }
+    }
+    (worth, first)
+}
+
+/// A rectangle along the axes that holds places with a margin.
+struct Extent {
+    low: Vec2,
+    high: Vec2,
+}
+
+impl Extent {
+    fn of(places: impl Iterator<Item = Vec2>, margin_m: f64) -> Extent {
+        // More than rounding amounts to.
+        let margin = Vec2::new(margin_m + 0.01, margin_m + 0.01);
+        let around = |at: Vec2| Extent { low: at - margin, high: at + margin };
+        let both = |a: Extent, b: Extent| Extent {
+            low: Vec2::new(a.low.x.min(b.low.x), a.low.y.min(b.low.y)),
+            high: Vec2::new(a.high.x.max(b.high.x), a.high.y.max(b.high.y)),
+        };
+        places.map(around).reduce(both).unwrap_or_else(|| around(Vec2::ZERO))
+    }
+
+    fn meets(&self, other: &Extent) -> bool {
+        self.low.x <= other.high.x
+            && other.low.x <= self.high.x
+            && self.low.y <= other.high.y
+            && other.low.y <= self.high.y
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::centreline::route_lanes;
+    use super::super::settings::PUBLISHED;
+    use super::*;
+    use crate::scene::AgentKind;
+    use crate::scene::fixture::two_lane_scene;
+    use crate::sim::Size;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn whoever_is_passed_over_is_met_by_no_box_now_or_ahead(
+            speed_mps in 0.0..30.0f64, turn_radps in -0.4..0.4f64,
+            x in -120.0..120.0f64, y in -120.0..120.0f64, heading_rad in -4.0..4.0f64, theirs_mps in 0.0..30.0f64,
+        ) {
+            let plant = Plant::new(&two_lane_scene()).unwrap();
+            let (centreline, car) = (Centreline::of(&plant).unwrap(), Car::of(Size::new(AgentKind::Vehicle, 4.5, 1.9)));
+            let course = Vec2::from_heading(heading_rad);
+            let now = OrientedBox::along(Vec2::new(x, y), course, 4.5, 1.9);
+            let other = Other { now, course, speed_mps: theirs_mps, is_agent: true, is_light: false };
+            let on_route = route_lanes(&plant, &centreline);
+            let others = [other];
+            let judge = Judge { plant: &plant, on_route: &on_route, centreline: &centreline, car: &car, others: &others, settings: &PUBLISHED };
+            let mut position = Vec2::ZERO;
+            let states: [State; STATES] = std::array::from_fn(|k| {
+                let heading_rad = turn_radps * STEP_S * k as f64;
+                let at = position;
+                position = position + Vec2::from_heading(heading_rad) * (STEP_S * speed_mps);
+                State { position: at, heading_rad, speed_mps, acceleration_mps2: 0.0, steering_rad: 0.0, steering_rate_radps: 0.0 }
+            });
+            let boxes = states.each_ref().map(|state| car.footprint(state.position, state.heading_rad));
+            let met = (0..STATES).any(|k| {
+                let own = &boxes[k];
+                [0.0].into_iter().chain(PUBLISHED.collision_looks_s).any(|ahead_s| {
+                    let there = OrientedBox { center: own.center + own.axis * (speed_mps * ahead_s), ..*own };
+                    there.overlaps(&other.at_step(k + (ahead_s / STEP_S + 0.5) as usize))
+                })
+            });
+            prop_assert!(!met || !judge.near(&states, &boxes).is_empty());
+        }
     }
 }

@@ -113,7 +113,7 @@ fn scenes() -> Result<Vec<Scene>, SynthError> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     // The code behind the two kinds; a function of your own would stand here just the same.
-    let family = Source::new(family()?)
+    let family = Source::new(family()?, "CAT's candidates, ranked by `smooth_contact` alone.")
         .operator(cat::LANE_GRAPH_PRIOR, cat::motion)
         .operator(cat::COLLISION_POSTERIOR, cat::search);
     let problems = family.contract.check_program(&family.parent);

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 #[path = "architecture/circles.rs"]
 mod circles;
-#[path = "architecture/paper_page.rs"]
-mod paper_page;
+#[path = "architecture/pages.rs"]
+mod pages;
 
 /// Room -> rooms it may import. A row names only rooms that stand above it, so there can be no circles.
 const TABLE: &[(&str, &str)] = &[

@@ -153,7 +153,7 @@ fn what_the_evaluator_would_have_turned_away_and_the_archive_accepted_is_a_remar
     let drawn = |run: &mut RecordedRun, place: usize| {
         let Exit::Evaluated { route, .. } = &mut run.attempts[place].exit else { panic!("evaluated") };
         route.decision = RouteDecision::Audit;
-        route.reason = "audit: left out by the rank, drawn at random, rank 5 of 6".into();
+        route.reason = "audit: left out by the rank, drawn at random, rank 5 of 6".to_string().into();
     };
     // A candidate that the archive refused was turned away rightly.
     let refused = first(&run, |exit| evaluated(exit) && !accepted(exit) && !exit.route().is_some_and(drawn_by_monitor));

@@ -13,7 +13,7 @@ use evodrive::sim::{
 };
 
 /// Limits of every kind.
-fn limits() -> Limits {
+pub fn limits() -> Limits {
     let limit = |bound, tolerance| Limit { bound, tolerance };
     Limits {
         unrolled_m: None,
@@ -31,27 +31,29 @@ fn limits() -> Limits {
     }
 }
 
+fn weights(map_validity: f64) -> Weights {
+    let weights = serde_json::json!({
+        "map_validity": map_validity,
+        "lane_direction": 0.1,
+        "route_completion": 0.05,
+        "initial_non_overlap": 0.1,
+        "collision_validity": 0.1,
+        "parked_obstacles": 0.05,
+        "trajectory_continuity": 0.1,
+        "bounded_acceleration": 0.2,
+        "bounded_jerk": 0.05,
+        "bounded_slip": 0.05,
+    });
+    serde_json::from_value(weights).unwrap()
+}
+
 fn options() -> MetadriveOptions {
     let (vehicle, cyclist, pedestrian, fixed) = (limits(), limits(), limits(), limits());
     MetadriveOptions {
         attack: attack_options(),
         metrics: BTreeMap::new(),
         realism: RealismOptions {
-            weights: Weights {
-                rolling: None,
-                speed_of_kind: None,
-                place_of_kind: None,
-                map_validity: 0.2,
-                lane_direction: 0.1,
-                route_completion: 0.05,
-                initial_non_overlap: 0.1,
-                collision_validity: 0.1,
-                parked_obstacles: 0.05,
-                trajectory_continuity: 0.1,
-                bounded_acceleration: 0.2,
-                bounded_jerk: 0.05,
-                bounded_slip: 0.05,
-            },
+            weights: weights(0.2),
             calibration: Box::new(Calibration {
                 quantile: 0.95,
                 pools: vec![],
@@ -78,7 +80,8 @@ fn attack_options() -> AttackOptions {
     }
 }
 
-fn report() -> AdversaryReport {
+/// An adversary that shows nothing.
+pub fn report() -> AdversaryReport {
     AdversaryReport {
         actor: ActorRef::Track(0),
         kind: AgentKind::Vehicle,
@@ -241,7 +244,7 @@ fn attack_options_that_name_a_class_twice_or_none_at_all_are_refused() {
 #[test]
 fn weights_that_do_not_sum_to_one_and_tolerances_that_hide_or_forbid_everything_are_refused() {
     let mut wrong = options().realism;
-    wrong.weights.map_validity = 0.3;
+    wrong.weights = weights(0.3);
     assert!(wrong.check().unwrap_err().to_string().contains("sum"));
     for tolerance in [0.0, -1.0, f64::INFINITY, f64::NAN] {
         let mut wrong = options().realism;

@@ -264,7 +264,7 @@ pub struct Route {
     /// d_φ: simulate or not.
     pub decision: RouteDecision,
     /// Why, in words for people.
-    pub reason: String,
+    pub reason: RouteReason,
     /// Digest of the world snapshot that decided.
     pub snapshot: Digest,
     /// The parent's labels with the predicted difference (paper F̂_φ).
@@ -283,6 +283,47 @@ pub struct Route {
     /// What a pilot showed before candidates were ranked; the rank score holds it, the prediction does not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pilot: Option<Pilot>,
+}
+
+/// Why a candidate is simulated or not; recorded as its words alone.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "String", into = "String")]
+pub enum RouteReason {
+    /// The rank left it out, and it was drawn to see whether wrongly; what is said besides.
+    Monitored(String),
+    /// Anything else, in words.
+    Other(String),
+}
+
+/// How the words of a monitored one begin.
+const MONITORED: &str = "audit: left out by the rank, drawn at random";
+
+impl RouteReason {
+    /// With more words behind.
+    pub fn with(mut self, more: &str) -> RouteReason {
+        let (RouteReason::Monitored(words) | RouteReason::Other(words)) = &mut self;
+        words.push_str(more);
+        self
+    }
+}
+
+/// The one place where recorded words are read.
+impl From<String> for RouteReason {
+    fn from(words: String) -> RouteReason {
+        match words.strip_prefix(MONITORED) {
+            Some(besides) => RouteReason::Monitored(besides.into()),
+            None => RouteReason::Other(words),
+        }
+    }
+}
+
+impl From<RouteReason> for String {
+    fn from(reason: RouteReason) -> String {
+        match reason {
+            RouteReason::Monitored(besides) => format!("{MONITORED}{besides}"),
+            RouteReason::Other(words) => words,
+        }
+    }
 }
 
 /// Rollouts of a candidate in a few scenes, made before candidates are ranked.

@@ -82,7 +82,7 @@ fn holds_everywhere(ran: &Ran, method: Method) {
     let cut = ran
         .attempts
         .iter()
-        .filter(|attempt| matches!(&attempt.exit, Exit::Rejected { route, .. } if route.reason.contains("is used up")));
+        .filter(|attempt| matches!(&attempt.exit, Exit::Rejected { route, .. } if String::from(route.reason.clone()).contains("is used up")));
     let last = ran.frozen.last().unwrap().epoch;
     assert!(cut.into_iter().all(|attempt| attempt.epoch == last), "{method:?}: only the last epoch runs out");
     for attempt in &ran.attempts {

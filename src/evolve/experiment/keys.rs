@@ -4,6 +4,7 @@ use super::key::{Key, Need, Range};
 use super::place::POLICIES;
 use crate::archive::search::Method;
 use crate::ego::Setting;
+use crate::evaluation::{Counts, DIAGNOSTICS, Diagnostic};
 use crate::families;
 use crate::llm::client::{ANTHROPIC, COMMAND, DRAWN, EXCHANGE, OPENAI_COMPATIBLE, SCRIPTED};
 use crate::objects::{
@@ -658,8 +659,16 @@ fn driver() -> Vec<Key> {
     keys
 }
 
+/// Weights of the diagnostics: of those that always count by name, or of the others.
+fn weights(always: bool) -> Vec<Row> {
+    let those = |of: &&Diagnostic| (of.counts == Counts::Always) == always;
+    let mut rows: Vec<Row> =
+        DIAGNOSTICS.into_iter().filter(those).map(|of| (of.key, "w_j", "", SHARE, of.weight)).collect();
+    rows.sort_by_key(|row| always.then_some(row.0));
+    rows
+}
+
 fn metadrive() -> Vec<Key> {
-    let weight = "Weight of the diagnostic; all sum to 1.";
     let own = table(
         || Optional,
         vec![
@@ -710,69 +719,32 @@ fn metadrive() -> Vec<Key> {
             "A metric of one's own, by its name: an expression over the outcome, measured in every scene beside the objectives.",
         )],
     );
-    let of_kind = table(
-        || Optional,
-        vec![
-            (
-                "evaluation.realism.weights.rolling",
-                "w_j",
-                "",
-                SHARE,
-                "Weight of a slide or a turn on the spot; needs `simulator.of_kind` and such a calibration.",
-            ),
-            (
-                "evaluation.realism.weights.speed_of_kind",
-                "w_j",
-                "",
-                SHARE,
-                "Weight of being faster than one's kind; likewise.",
-            ),
-            (
-                "evaluation.realism.weights.place_of_kind",
-                "w_j",
-                "",
-                SHARE,
-                "Weight of being where one's kind does not belong; needs `simulator.of_place`.",
-            ),
-        ],
+    let contacts = vec![
+        (
+            "evaluation.attack.counts",
+            "",
+            "",
+            Subset(|| words(ContactClass::ALL.map(ContactClass::name))),
+            "Classes of contact with an adversary that count as a failure of the ego; see docs/OBJECTIVES.md.",
+        ),
+        (
+            "evaluation.attack.counts_if_avoidable",
+            "",
+            "",
+            Subset(|| words(ContactClass::ALL.map(ContactClass::name))),
+            "Classes that count where the ego could have avoided the contact.",
+        ),
+    ];
+    let calibration = (
+        "evaluation.realism.calibration",
+        "ρ_j",
+        "",
+        Any,
+        "Bounds and tolerances from recorded traffic: `evodrive:recorded`, `evodrive:kinds` (with bounds of what a kind does not do), a file that `evodrive calibrate` wrote, or its table.",
     );
-    let mut keys = table(
-        || Without("evaluation.safebench"),
-        vec![
-            (
-                "evaluation.attack.counts",
-                "",
-                "",
-                Subset(|| words(ContactClass::ALL.map(ContactClass::name))),
-                "Classes of contact with an adversary that count as a failure of the ego; see docs/OBJECTIVES.md.",
-            ),
-            (
-                "evaluation.attack.counts_if_avoidable",
-                "",
-                "",
-                Subset(|| words(ContactClass::ALL.map(ContactClass::name))),
-                "Classes that count where the ego could have avoided the contact.",
-            ),
-            ("evaluation.realism.weights.bounded_acceleration", "w_j", "", SHARE, weight),
-            ("evaluation.realism.weights.bounded_jerk", "w_j", "", SHARE, weight),
-            ("evaluation.realism.weights.bounded_slip", "w_j", "", SHARE, weight),
-            ("evaluation.realism.weights.collision_validity", "w_j", "", SHARE, weight),
-            ("evaluation.realism.weights.initial_non_overlap", "w_j", "", SHARE, weight),
-            ("evaluation.realism.weights.lane_direction", "w_j", "", SHARE, weight),
-            ("evaluation.realism.weights.map_validity", "w_j", "", SHARE, weight),
-            ("evaluation.realism.weights.parked_obstacles", "w_j", "", SHARE, weight),
-            ("evaluation.realism.weights.route_completion", "w_j", "", SHARE, weight),
-            ("evaluation.realism.weights.trajectory_continuity", "w_j", "", SHARE, weight),
-            (
-                "evaluation.realism.calibration",
-                "ρ_j",
-                "",
-                Any,
-                "Bounds and tolerances from recorded traffic: `evodrive:recorded`, `evodrive:kinds` (with bounds of what a kind does not do), a file that `evodrive calibrate` wrote, or its table.",
-            ),
-        ],
-    );
-    keys.extend(of_kind);
+    let rows = contacts.into_iter().chain(weights(true)).chain([calibration]).collect();
+    let mut keys = table(|| Without("evaluation.safebench"), rows);
+    keys.extend(table(|| Optional, weights(false)));
     keys.extend(own);
     keys.extend(measured);
     keys

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::{ContractMark, Experiment, LineageOptions, ModelOptions, OptionError, ParentProgram, SceneSource};
 use crate::adapters::Contract;
-use crate::evaluation::EvaluationOptions;
+use crate::evaluation::{Counts, EvaluationOptions, metrics::place_of_kind};
 use crate::families;
 use crate::llm::client;
 use crate::objects::{FamilyName, FrontOf, FrontPer, OverEgos, Program, Role, WorldModel, world_audit::WORLD_LINE};
@@ -432,17 +432,25 @@ fn simulator(experiment: &Experiment) -> Result<(), Problem> {
 }
 
 fn labels(experiment: &Experiment) -> Result<(), Problem> {
-    let weighs_place = matches!(&experiment.evaluation, EvaluationOptions::Metadrive(of) if of.realism.asks_of_place());
-    match (weighs_place, experiment.simulator.of_place) {
-        (true, false) => {
-            let expected = "true, because a weight of place_of_kind reads what outcomes say then";
-            return Err(OptionError::new("simulator.of_place", "missing", expected).into());
+    let weighed = |counts| match &experiment.evaluation {
+        EvaluationOptions::Metadrive(of) => of.realism.counting(counts),
+        EvaluationOptions::Safebench { .. } => Vec::new(),
+    };
+    let simulator = &experiment.simulator;
+    let asked = [
+        (Counts::OfKind, "simulator.of_kind", simulator.of_kind),
+        (Counts::OfPlace, "simulator.of_place", simulator.of_place),
+    ];
+    for (counts, key, says) in asked {
+        let weighed = weighed(counts).join(" or ");
+        if !weighed.is_empty() && !says {
+            let expected = format!("true, because a weight of {weighed} reads what outcomes say then");
+            return Err(OptionError::new(key, "missing", expected).into());
         }
-        (false, true) => {
-            let expected = "a share from 0 to 1, because simulator.of_place is for nothing else; or remove that";
-            return Err(OptionError::new("evaluation.realism.weights.place_of_kind", "missing", expected).into());
-        }
-        _ => {}
+    }
+    if simulator.of_place && weighed(Counts::OfPlace).is_empty() {
+        let expected = "a share from 0 to 1, because simulator.of_place is for nothing else; or remove that";
+        return Err(OptionError::new(place_of_kind::ROW.key, "missing", expected).into());
     }
     match &experiment.evaluation {
         EvaluationOptions::Metadrive(options) => {
@@ -451,10 +459,6 @@ fn labels(experiment: &Experiment) -> Result<(), Problem> {
                 let expected =
                     "true, because an expression over outcomes or evaluation.attack.reading reads what they say then";
                 return Err(OptionError::new("simulator.at_fault", "missing", expected).into());
-            }
-            if options.realism.asks_of_kind() && !experiment.simulator.of_kind {
-                let expected = "true, because a weight of rolling or speed_of_kind reads what outcomes say then";
-                return Err(OptionError::new("simulator.of_kind", "missing", expected).into());
             }
             options.realism.check().map_err(|error| Problem::Several(error.to_string()))
         }

@@ -28,11 +28,18 @@ pub const LATERAL_QUERIES: &str = "lateral_queries";
 pub const SHIPPED_LATERALS: &str = "shipped_laterals";
 const PREFIX: &str = "lateral_";
 
+const SEARCH_IN_WORDS: &str = "The search plays at most 8 scenarios (`lateral_query_count`): 100 points of one scripted road user's \
+     straight path, moved sideways by at most 1, 2 or 3 m (by traffic family, times `lateral_share`), first \
+     random, then each time a changed stretch (half) of the best so far. The loss is the smallest distance in \
+     metres, -10 on contact, which ends the search. A `lateral_loss` (smaller is better, always added) makes \
+     it play all 8, steers it and chooses among contacts; 10 outweighs one. Filters act behind; there is no \
+     `reshape`, no law. Example: `yaw_rate_radps_max * 2` takes the contact with less swerving.";
+
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
     let family = family();
     let published = profile_search::published(&family, SHIPPED_LATERALS, PREFIX);
-    let source = Source::new(family)
+    let source = Source::new(family, SEARCH_IN_WORDS)
         .actor(staged::SCRIPTED_ACTOR, actor)
         .operator(LATERAL_SEQUENCE, motion)
         .operator(LATERAL_QUERIES, search)

@@ -26,11 +26,18 @@ pub const SPEED_QUERIES: &str = "speed_queries";
 pub const SHIPPED_SPEEDS: &str = "shipped_speeds";
 const PREFIX: &str = "speed_";
 
+const SEARCH_IN_WORDS: &str = "The search plays at most 8 scenarios (`speed_query_count`): 100 target speeds, one each 0.1 s after the \
+     trigger, of one scripted road user on a straight way, first random, then each time a changed stretch \
+     (half) of the best so far. The loss is the smallest distance in metres, -10 on contact, which ends the \
+     search. A `speed_loss` (smaller is better, always added) makes it play all 8, steers it and chooses among \
+     contacts; 10 outweighs one. Speeds beyond `speed_ceiling` are never tried; filters act behind; there is \
+     no `reshape`, no law. Example: `acceleration_mps2_max / 4` takes the gentler contact.";
+
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
     let family = family();
     let published = profile_search::published(&family, SHIPPED_SPEEDS, PREFIX);
-    let source = Source::new(family)
+    let source = Source::new(family, SEARCH_IN_WORDS)
         .actor(staged::SCRIPTED_ACTOR, staged::actor)
         .operator(SPEED_SEQUENCE, motion)
         .operator(SPEED_QUERIES, search)

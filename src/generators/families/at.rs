@@ -28,9 +28,17 @@ pub const PARTICLE_SWARM: &str = "particle_swarm";
 /// Search operator: gradient descent over the offsets.
 pub const OFFSET_GRADIENT: &str = "offset_gradient";
 
+const SEARCH_IN_WORDS: &str = "The search moves a swarm: 10 particles, 100 rounds, each particle offsets of at most 1 m from one \
+     vehicle's log; each one's best becomes a candidate. Its loss is the smallest centre distance to the ego's \
+     undisturbed path (m) less the mean offset toward it; the best gains at most about 2 on the log, so a term \
+     of 1 matters. `offset_loss` (smaller is better) is added or replaces it and steers the swarm; in \
+     `offset_gradient` it only ranks the restarts. A `reshape` before the search changes nothing; behind, it \
+     keeps the score. Example: `jerk_added_mps3 / 5 - if(struck_by_ego, 1, 0)` prefers contacts that the ego \
+     causes.";
+
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
-    Source::new(family())
+    Source::new(family(), SEARCH_IN_WORDS)
         .operator(BOUNDED_OFFSETS, motion)
         .operator(PARTICLE_SWARM, search)
         .operator(OFFSET_GRADIENT, descend)

@@ -21,9 +21,17 @@ pub const LANE_GRAPH_PRIOR: &str = "lane_graph_prior";
 /// Search operator: posterior over ego rollouts.
 pub const COLLISION_POSTERIOR: &str = "collision_posterior";
 
+const SEARCH_IN_WORDS: &str = "The search compares up to 32 likely trajectories of one vehicle by log prior plus log contact: one unit \
+     is a factor e. The prior part mostly lies between -5 and -1.5 (equal from the seventh on, \
+     `flatten_rank`); a predicted contact loses 0.01 per half second before it; without one the score is -1000 \
+     less the nearest metres. `candidate_score` is added (0.1 to 3 reorders contacts, and lifts no miss above \
+     one) or, with `combine` = replace, is all, without the -1000. A `reshape` or filter before the search \
+     counts in it. Example: `if(struck_by_ego, 2, 0) - jerk_added_mps3 / 10` prefers gentle contacts that the \
+     ego runs into.";
+
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
-    Source::new(family()).operator(LANE_GRAPH_PRIOR, motion).operator(COLLISION_POSTERIOR, search)
+    Source::new(family(), SEARCH_IN_WORDS).operator(LANE_GRAPH_PRIOR, motion).operator(COLLISION_POSTERIOR, search)
 }
 
 /// Contract, and the parent: CAT as published.

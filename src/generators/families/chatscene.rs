@@ -147,6 +147,14 @@ const SAMPLES_MIN: i64 = 4;
 const BOUNDS: [(f64, f64, &str); DRAWN.len()] =
     [(-45.0, 20.0, "m"), (-8.0, 8.0, "m"), (0.0, 20.0, "m/s"), (0.0, 60.0, "m"), (0.0, 30.0, "m"), (-6.0, 6.0, "m")];
 
+const SEARCH_IN_WORDS: &str = "The search plays 12 scenarios (`template_samples`) drawn from the six ranges of the scene's kind, which \
+     shrink after every 4 to mean and spread of what collided (if two did). Ranked is 10 less the share of the \
+     route driven on contact (9 to 10), else minus the smallest metres. `template_score` is always added and \
+     ranks what was played; it steers neither draws nor shrinking, and 10 outweighs a contact. Ranges and \
+     behaviours of a kind (`roadside`, `turning`, `lane_change`, `passing`, `crossing`, `oncoming`) act in its \
+     scenes alone; filters act behind; no `reshape`, no law. Example: `-acceleration_mps2_max / 4` takes a \
+     gentler contact.";
+
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
     let asks = Asks { templates: Some(AskTemplates { forms, kind_of: kind_of_scene, put }), ..Asks::default() };
@@ -155,7 +163,7 @@ pub fn source() -> Source {
     Source {
         asks,
         published: Some(published),
-        ..Source::new(family)
+        ..Source::new(family, SEARCH_IN_WORDS)
             .actor(staged::SCRIPTED_ACTOR, staged::actor)
             .operator(SCENE_TEMPLATE, motion)
             .operator(RANGE_SHRINKING, search)

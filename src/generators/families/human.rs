@@ -23,9 +23,17 @@ pub const PARAMETER_GRID: &str = "parameter_grid";
 /// Search operator: an order over the grid, by an expression or none.
 pub const GRID_ORDER: &str = "grid_order";
 
+const SEARCH_IN_WORDS: &str = "Nothing is searched: the 9 or 10 members of the traffic family's grid are each played once, all score 0, \
+     and the parent's `soft_choice` draws one evenly, whether or not it collided. `grid_score` is the whole \
+     score: at `temperature` 0.5 one unit makes a member e^2 = 7.4 times likelier; without it the temperature \
+     changes nothing. `best_choice` takes the highest, of equals the first. A middle such as \
+     `right_turn_trigger_m` acts in scenes of its traffic family alone, `grid_reach` in all; filters before or \
+     behind remove members; no `reshape`, no law. Example: `-ego_distance_m_min` prefers members that come \
+     nearest to the undisturbed ego's way.";
+
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
-    Source::new(family())
+    Source::new(family(), SEARCH_IN_WORDS)
         .actor(staged::SCRIPTED_ACTOR, staged::actor)
         .operator(PARAMETER_GRID, motion)
         .operator(GRID_ORDER, search)

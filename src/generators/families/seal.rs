@@ -28,9 +28,16 @@ pub const CRITICAL_DEVIATION: &str = "critical_deviation";
 /// Prefix of the prior's words in this family.
 const PRIOR: &str = "opponent_";
 
+const SEARCH_IN_WORDS: &str = "The search compares up to 32 trajectories of one vehicle by 0 to 1: half criticality (1 on contact, else \
+     exp(-gap / 8 m)), half deviation of an ego predicted to brake by up to 5 m/s^2. `opponent_score` is added \
+     (0.05 to 0.5 is enough) or replaces it. The trajectory is followed only until 1.1 s before the predicted \
+     meeting (`handover_lead_s`, or a `skill_lead_s` module in its place); then skills react and no path or \
+     shape counts, unless a law replaces them. A `reshape` before the search is judged; behind, score and \
+     hand-over stay. Example: `0.2 * log_way_share - jerk_added_mps3 / 50` prefers motion like the log's.";
+
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
-    Source::new(family()).operator(OPPONENT_PRIOR, motion).operator(CRITICAL_DEVIATION, search)
+    Source::new(family(), SEARCH_IN_WORDS).operator(OPPONENT_PRIOR, motion).operator(CRITICAL_DEVIATION, search)
 }
 
 /// Contract and parent.

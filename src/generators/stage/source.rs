@@ -18,6 +18,8 @@ pub struct Source {
     pub contract: Contract,
     /// Ids and lineage are filled in by the lineage that adopts it.
     pub parent: Program,
+    /// What the search goes through and ranks, on which scale, and one edit with its effect, for prompts. Figures are the parent's.
+    pub search_in_words: &'static str,
     /// Motion and search kinds -> what they do.
     pub operators: BTreeMap<&'static str, Operator>,
     /// Actor kinds of the family's own -> the road users that they make adversaries.
@@ -75,10 +77,10 @@ pub struct AskTemplates {
 
 impl Source {
     /// A family without code of its own.
-    pub fn new(family: Family) -> Source {
+    pub fn new(family: Family, search_in_words: &'static str) -> Source {
         let Family { contract, parent } = family;
         let (operators, actors) = Default::default();
-        Source { contract, parent, operators, actors, asks: Asks::default(), published: None }
+        Source { contract, parent, search_in_words, operators, actors, asks: Asks::default(), published: None }
     }
 
     /// The same without the kind of its published parent, unless one of these programs has it.

@@ -133,7 +133,8 @@ fn gate_report(out: &mut String, gates: &GateReport) {
 fn routed(out: &mut String, route: &Route, realism: &str) {
     let decision = format!("{:?}", route.decision).to_lowercase();
     // Some reasons open with the decision.
-    let reason = route.reason.strip_prefix(&format!("{decision}: ")).unwrap_or(&route.reason);
+    let reason = String::from(route.reason.clone());
+    let reason = reason.strip_prefix(&format!("{decision}: ")).unwrap_or(&reason);
     let _ = writeln!(
         out,
         "\nroute: {decision}: {reason}\n  predicted attack {}  {realism} {}  uncertainty {}  world snapshot {}",

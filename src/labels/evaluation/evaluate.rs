@@ -7,10 +7,11 @@ use super::record::{CacheError, RolloutCache, RolloutRecord, request_key};
 use super::score::{Grouped, benchmark_score, scene_score, score_of, staged_scene_score};
 use std::sync::Arc;
 
-use crate::backend::{BackendError, NoOutcome, is_abandoned, is_too_slow};
+use crate::backend::{BackendError, NoOutcome};
 use crate::ego::Policy;
 use crate::kernel::{Digest, Seed, Threads, canon::CanonError};
 use crate::objects::{SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
+use crate::sim::Undriven;
 
 /// What is labelled.
 #[derive(Clone, Copy)]
@@ -136,7 +137,7 @@ pub fn label_one(
 }
 
 /// A scene without a label.
-pub(super) fn failure(scene: &str, reason: String) -> SceneFailure {
-    let (too_slow, abandoned) = (is_too_slow(&reason), is_abandoned(&reason));
-    SceneFailure { scene: scene.to_string(), reason, too_slow, abandoned }
+pub(super) fn failure(scene: &str, why: Undriven) -> SceneFailure {
+    let (too_slow, abandoned) = (matches!(why, Undriven::TooSlow(_)), matches!(why, Undriven::Abandoned(_)));
+    SceneFailure { scene: scene.to_string(), reason: why.to_string(), too_slow, abandoned }
 }

@@ -15,8 +15,9 @@ pub use calibrate::{CalibrationError, calibrate};
 pub use evaluate::{EvaluationError, Labeller, SceneRef, Subject, evaluate, label_one};
 pub use metrics::safebench::{PreventableOptions, SafebenchOptions, StandingOptions, staged_run};
 pub use metrics::{
-    AT_FAULT, AttackOptions, AttackOptionsError, Calibration, EvaluationOptions, Limit, Limits, MetadriveOptions,
-    OptionsError, OutcomeFormula, ProtocolError, PublishedReadings, RealismOptions, Weights, outcome_fields,
+    AT_FAULT, AttackOptions, AttackOptionsError, Calibration, Counts, DIAGNOSTICS, Diagnostic, EvaluationOptions,
+    Limit, Limits, Measure, MetadriveOptions, OptionsError, OutcomeFormula, ProtocolError, PublishedReadings, Quantity,
+    RealismOptions, Weights, outcome_fields,
 };
 pub use over_egos::{over_egos, scene_over_egos};
 pub use protocol::balanced::balanced;

@@ -355,13 +355,21 @@ fn history() -> Vec<PastEdit> {
     }]
 }
 
+/// What the two sample diagnostics measure, at length and in short.
+const JERK: [&str; 2] = ["jerk: largest change of acceleration, m/s^3", "change of acceleration, m/s^3"];
+const COLLISIONS: [&str; 2] =
+    ["1 unless it touches another moving road user than the ego", "1 unless it touches a moving road user but the ego"];
+
 /// Measures of either protocol with small numbers.
 pub fn measures(safebench: bool) -> Measures {
-    let diagnostic = |name: &str, weight, limits: &[(&str, f64, f64)]| Diagnostic {
-        name: name.into(),
-        weight,
-        limits: limits.iter().map(|(name, bound, tolerance)| (name.to_string(), *bound, *tolerance)).collect(),
-    };
+    let diagnostic =
+        |name: &str, weight, [meaning, short]: [&'static str; 2], limits: &[(&str, f64, f64)]| Diagnostic {
+            name: name.into(),
+            weight,
+            meaning,
+            short,
+            limits: limits.iter().map(|(name, bound, tolerance)| (name.to_string(), *bound, *tolerance)).collect(),
+        };
     let protocol = if safebench {
         Protocol::Safebench { limits: vec![("jerk m/s^3".into(), 10.0, 20.0)] }
     } else {
@@ -372,8 +380,8 @@ pub fn measures(safebench: bool) -> Measures {
             when: None,
             metrics: Vec::new(),
             diagnostics: vec![
-                diagnostic("bounded_jerk", 0.6, &[("jerk_mps3", 8.0, 4.0)]),
-                diagnostic("collision_validity", 0.4, &[]),
+                diagnostic("bounded_jerk", 0.6, JERK, &[("jerk_mps3", 8.0, 4.0)]),
+                diagnostic("collision_validity", 0.4, COLLISIONS, &[]),
             ],
         }
     };

@@ -54,6 +54,10 @@ pub struct Diagnostic {
     pub name: String,
     /// w_j, 1.
     pub weight: f64,
+    /// What it measures, in words.
+    pub meaning: &'static str,
+    /// What its name leaves open of that.
+    pub short: &'static str,
     /// For soft ones: what is measured, its bound and its tolerance for vehicles, in the unit of the name.
     pub limits: Vec<(String, f64, f64)>,
 }
@@ -76,47 +80,6 @@ pub struct Acceptance {
     /// Least realism of the program that a run reports.
     pub realism_min: f64,
 }
-
-/// What each diagnostic measures, in words, and what its name leaves open of that.
-const MEANINGS: [(&str, &str, &str); 13] = [
-    ("map_validity", "how far a corner of its box leaves the lanes, m", "a corner of its box off the lanes, m"),
-    ("lane_direction", "way driven against the lanes, m", "driven against the lanes, m"),
-    ("route_completion", "share of its own recorded way that it drove by then", "driven share of its recorded way"),
-    (
-        "initial_non_overlap",
-        "1 unless it overlaps somebody when it is first moved",
-        "1 unless it overlaps somebody when first moved",
-    ),
-    (
-        "collision_validity",
-        "1 unless it touches another moving road user than the ego",
-        "1 unless it touches a moving road user but the ego",
-    ),
-    ("parked_obstacles", "1 unless it touches something that stands", "1 unless it touches what stands"),
-    (
-        "trajectory_continuity",
-        "the worst of jumps, kinks and roughness of its places, m",
-        "worst of its places' jumps, kinks, roughness, m",
-    ),
-    (
-        "bounded_acceleration",
-        "largest acceleration or braking along its heading, m/s^2",
-        "along its heading, either sign, m/s^2",
-    ),
-    ("bounded_jerk", "jerk: largest change of acceleration, m/s^3", "change of acceleration, m/s^3"),
-    ("bounded_slip", "speed across its heading, m/s", "speed across its heading, m/s"),
-    (
-        "rolling",
-        "how far it goes where wheels do not take it, m: a slide, a turn on the spot",
-        "way where wheels do not take it, m: a slide, a turn on the spot",
-    ),
-    (
-        "place_of_kind",
-        "on foot or a bicycle: time on a motorway, s; on wheels: way over a kerb or median onto other lanes, m",
-        "on foot or a bicycle: on a motorway, s; on wheels: over a kerb or median onto other lanes, m",
-    ),
-    ("speed_of_kind", "its speed, by the bound of its kind of road user, m/s", "bound of its kind of road user, m/s"),
-];
 
 /// Contact classes and what the compact form says of those whose name does not.
 const CLASSES: [(&str, &str); 8] = [
@@ -205,8 +168,6 @@ fn listed(names: &[String]) -> String {
 }
 
 fn row(diagnostic: &Diagnostic, compact: bool) -> Value {
-    let meaning = MEANINGS.iter().find(|(name, ..)| *name == diagnostic.name);
-    let meaning = meaning.map_or("", |(_, whole, short)| if compact { short } else { whole });
     let several = diagnostic.limits.len() > 1;
     let limits = diagnostic.limits.iter().map(|(name, bound, tolerance)| {
         let name = if several { format!("{name} ") } else { String::new() };
@@ -215,7 +176,7 @@ fn row(diagnostic: &Diagnostic, compact: bool) -> Value {
     json!({
         "name": diagnostic.name,
         "weight": diagnostic.weight,
-        "meaning": meaning,
+        "meaning": if compact { diagnostic.short } else { diagnostic.meaning },
         "limits": limits.collect::<Vec<_>>().join("; "),
     })
 }

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::sim::Undriven;
+
 /// Why a planner gave no drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -33,25 +35,14 @@ impl FaultKind {
         }
     }
 
-    /// The kind that a recorded reason names; none where the planner is not to blame.
-    pub fn of(reason: &str) -> Option<FaultKind> {
-        if reason.contains("which is not finite; this is a fault of the driver") {
-            return Some(FaultKind::Junk);
+    /// The kind that a scene without an outcome shows; none where the planner is not to blame.
+    pub fn of(why: &Undriven) -> Option<FaultKind> {
+        match why {
+            Undriven::TooSlow(_) => Some(FaultKind::TooSlow),
+            Undriven::Abandoned(_) => Some(FaultKind::Abandoned),
+            Undriven::Ended(_) => Some(FaultKind::Ended),
+            Undriven::Junk(_) => Some(FaultKind::Junk),
+            Undriven::Other(_) => None,
         }
-        // Who is late is named first.
-        if reason.starts_with("too slow: ") {
-            return Some(FaultKind::TooSlow);
-        }
-        if reason.starts_with("abandoned: planner `") {
-            return Some(FaultKind::Abandoned);
-        }
-        if !reason.starts_with("planner `") {
-            return None;
-        }
-        Some(match reason {
-            _ if reason.contains(": the process ended") => FaultKind::Ended,
-            _ if reason.contains(": no answer within ") => FaultKind::TooSlow,
-            _ => FaultKind::Junk,
-        })
     }
 }

@@ -4,31 +4,20 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 
 use crate::kernel::{Digest, Vec2};
 use crate::scene::Sample;
-use crate::sim::{ActorRef, End, Pose, ReportedActor, ReportedContact, ReportedRollout};
+use crate::sim::{ActorRef, End, Pose, ReportedActor, ReportedContact, ReportedRollout, Undriven};
 
 /// The answer to a request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
     ReportedRollout(ReportedRollout),
     /// Why this rollout has no motion.
-    Failed(String),
-}
-
-/// How the reason of a scene begins that its driver did not want to drive. No other reason begins so.
-pub(super) const ABANDONED: &str = "abandoned: planner `";
-
-/// Whether a scene has no outcome because its driver abandoned it: a decision like any other, and neither a crash nor a success.
-pub fn is_abandoned(reason: &str) -> bool {
-    reason.starts_with(ABANDONED)
+    Failed(Undriven),
 }
 
 impl Answer {
     /// Whether the same question has the same answer next time: a motion, and a scene that the driver abandoned.
     pub fn is_settled(&self) -> bool {
-        match self {
-            Answer::ReportedRollout(_) => true,
-            Answer::Failed(reason) => is_abandoned(reason),
-        }
+        matches!(self, Answer::ReportedRollout(_) | Answer::Failed(Undriven::Abandoned(_)))
     }
 }
 
@@ -101,7 +90,7 @@ impl AnswerLine {
                 road_users: None,
                 controls,
                 ..
-            } if controls.is_empty() => Ok(Answer::Failed(reason)),
+            } if controls.is_empty() => Ok(Answer::Failed(reason.into())),
             AnswerLine {
                 failure: None,
                 end: Some(end),
@@ -144,7 +133,7 @@ impl AnswerLine {
         let (failure, end, contact, ego, road_users, controls) = (None, None, None, None, None, Vec::new());
         let nothing = AnswerLine { request, failure, end, contact, ego, road_users, controls };
         match answer {
-            Answer::Failed(reason) => AnswerLine { failure: Some(reason.clone()), ..nothing },
+            Answer::Failed(reason) => AnswerLine { failure: Some(reason.to_string()), ..nothing },
             Answer::ReportedRollout(rollout) => {
                 let user = |actor: &ReportedActor| UserLine {
                     who: actor.who,

@@ -9,9 +9,10 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::answer::{Answer, AnswerLine, is_abandoned};
+use super::answer::{Answer, AnswerLine};
 use super::spec::{BackendOptions, DRIVER, is_blind};
 use crate::kernel::Digest;
+use crate::sim::Undriven;
 use crate::store::{self, StoreError, TextFault, shortened};
 
 const FORMAT: &str = "evodrive-rollout-cassette";
@@ -285,7 +286,7 @@ impl RolloutCassette {
 
     /// In how many of them the driver abandoned the scene.
     pub fn abandoned(&self) -> usize {
-        let gave_up = |recorded: &&Recorded| matches!(&recorded.answer, Answer::Failed(reason) if is_abandoned(reason));
+        let gave_up = |recorded: &&Recorded| matches!(&recorded.answer, Answer::Failed(Undriven::Abandoned(_)));
         self.rollouts.values().filter(gave_up).count()
     }
 

@@ -13,7 +13,9 @@ use crate::ego::Policy;
 use crate::kernel::{Digest, Seed};
 use crate::scene::{PreparedScene, Scene};
 use crate::sim::scenes::{crossing, intercept};
-use crate::sim::{Action, Control, Driver, Intervention, Outcome, Plant, SimulatorOptions, View, rollout_assessed};
+use crate::sim::{
+    Action, Control, Driver, Intervention, Outcome, Plant, SimulatorOptions, Undriven, View, rollout_assessed,
+};
 
 type Said = Result<Vec<u8>, Broken>;
 type Answering = fn(&Value, usize) -> Said;
@@ -186,7 +188,7 @@ fn a_trajectory_is_driven_along_and_points_behind_the_car_stop_it() {
 fn reason(options: &DriverOptions, answer: impl Fn(&Value, usize) -> Said + Clone + Send + Sync + 'static) -> String {
     let start = Fake(answer, AtomicUsize::new(0), Mutex::default());
     match played(options, &start, &crossing(3, 5, 91), &Intervention::default()) {
-        Err(NoOutcome::Scene(reason)) => reason,
+        Err(NoOutcome::Scene(why)) => why.to_string(),
         Err(NoOutcome::Stop(error)) => format!("STOP {error}"),
         Ok(_) => "driven".into(),
     }
@@ -213,7 +215,7 @@ fn a_crash_a_late_answer_and_nonsense_leave_the_scene_without_a_label_and_with_a
         let said = reason(&options(0.0), answer);
         // Who is too slow is told from who failed.
         let late = expected.contains("no answer within");
-        assert_eq!(is_too_slow(&said), late, "{said}");
+        assert_eq!(matches!(Undriven::from(said.clone()), Undriven::TooSlow(_)), late, "{said}");
         let said = said.strip_prefix("too slow: ").unwrap_or(&said);
         assert!(said.starts_with("planner `python3 mine.py`, decision") && said.contains(expected), "{said}");
         assert!(!said.contains("Traceback") && !said.contains("alice") && !said.contains("sk-"), "{said}");

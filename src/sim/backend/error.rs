@@ -2,31 +2,23 @@
 
 use super::cassette::RolloutCassetteError;
 use crate::kernel::{Digest, canon::CanonError};
-use crate::sim::SimError;
+use crate::sim::{SimError, Undriven};
 use crate::store::StoreError;
 
 /// Why there is no outcome.
 #[derive(Debug)]
 pub enum NoOutcome {
     /// This scene has no label; others may have one.
-    Scene(String),
+    Scene(Undriven),
     /// Nothing can go on.
     Stop(BackendError),
-}
-
-/// How the reason of a scene begins in which the driver under test did not answer within its time. No other reason begins so.
-pub(super) const TOO_SLOW: &str = "too slow: ";
-
-/// Whether a scene has no outcome because its driver took too long for a decision: that is neither a crash nor a success.
-pub fn is_too_slow(reason: &str) -> bool {
-    reason.starts_with(TOO_SLOW)
 }
 
 impl NoOutcome {
     /// Why, in words.
     pub fn reason(self) -> String {
         match self {
-            NoOutcome::Scene(reason) => reason,
+            NoOutcome::Scene(why) => why.to_string(),
             NoOutcome::Stop(error) => error.to_string(),
         }
     }
@@ -34,13 +26,13 @@ impl NoOutcome {
 
 impl From<SimError> for NoOutcome {
     fn from(error: SimError) -> NoOutcome {
-        NoOutcome::Scene(error.to_string())
+        NoOutcome::Scene(error.into())
     }
 }
 
 impl From<String> for NoOutcome {
     fn from(reason: String) -> NoOutcome {
-        NoOutcome::Scene(reason)
+        NoOutcome::Scene(reason.into())
     }
 }
 

@@ -20,10 +20,10 @@ mod spec;
 mod under;
 mod workers;
 
-pub use answer::{Answer, is_abandoned};
+pub use answer::Answer;
 pub use cassette::{Header, Recorded, RolloutCassette, RolloutCassetteError};
 pub use driver::DriverOptions;
-pub use error::{BackendError, Fault, Miss, NoOutcome, is_too_slow};
+pub use error::{BackendError, Fault, Miss, NoOutcome};
 pub use lower::lowered;
 pub use planners::Planners;
 pub use record::Recorder;

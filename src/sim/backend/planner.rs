@@ -7,7 +7,7 @@ use super::workers::{Broken, Line, start_of};
 use crate::kernel::{Seed, Vec2};
 use crate::scene::DT_S;
 use crate::sim::bicycle::Car;
-use crate::sim::{Control, Driver, End, Outcome, Plant, View};
+use crate::sim::{Control, Driver, End, Outcome, Plant, Undriven, View};
 
 /// Points of a trajectory that are looked at: half a second of them.
 const POINTS_AHEAD: usize = 5;
@@ -16,23 +16,28 @@ const POINTS_AHEAD: usize = 5;
 const UNASKED: Duration = Duration::from_millis(20);
 
 /// Why a planner drove no further.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Debug)]
 pub(super) struct Refusal {
     /// What is recorded: words of ours alone, the same in every folder and for every user.
     pub reason: String,
     /// What the process printed in place of an answer. It is shown, and not recorded.
     pub printed: String,
-    /// Whether it took longer than it may.
-    pub late: bool,
+    /// What that is.
+    pub of: fn(String) -> Undriven,
 }
 
 impl Refusal {
     fn of(reason: impl Into<String>, printed: &[u8]) -> Refusal {
-        Refusal { reason: reason.into(), printed: start_of(printed), late: false }
+        Refusal { reason: reason.into(), printed: start_of(printed), of: Undriven::Junk }
     }
 
     fn broken(broken: &Broken, limit: Duration) -> Refusal {
-        Refusal { late: *broken == Broken::Late, ..Refusal::of(why(broken, limit), b"") }
+        let of = match broken {
+            Broken::Late => Undriven::TooSlow,
+            Broken::Ended | Broken::HalfLine(_) => Undriven::Ended,
+            Broken::TooLong(_) | Broken::Stopped => Undriven::Junk,
+        };
+        Refusal { of, ..Refusal::of(why(broken, limit), b"") }
     }
 }
 
@@ -181,9 +186,9 @@ impl Driver for Planner<'_> {
             }
             Ok(Wish::Drive(log)) => return log,
             Ok(Wish::Abandon(word)) => self.abandoned = Some((k, word)),
-            Err(Refusal { reason, printed, late }) => {
-                let reason = format!("decision {k} ({:.1} s): {reason}", k as f64 * DT_S);
-                self.broken = Some(Refusal { reason, printed, late });
+            Err(refusal) => {
+                let reason = format!("decision {k} ({:.1} s): {}", k as f64 * DT_S, refusal.reason);
+                self.broken = Some(Refusal { reason, ..refusal });
             }
         }
         // The simulator refuses this, which ends the rollout.

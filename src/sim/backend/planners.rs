@@ -9,10 +9,10 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
-use super::answer::{ABANDONED, Answer};
+use super::answer::Answer;
 use super::crew::Crew;
 use super::driver::{DRIVER_PROTOCOL, DriverOptions};
-use super::error::{BackendError, Fault, NoOutcome, TOO_SLOW};
+use super::error::{BackendError, Fault, NoOutcome};
 use super::lines::Asked;
 use super::map_near::REACH_M;
 use super::planner::{Planner, Refusal, why};
@@ -20,7 +20,7 @@ use super::request::{Answers, Request};
 use super::rollouts::judged;
 use super::workers::{Line, Start, start_of};
 use crate::kernel::Digest;
-use crate::sim::{ReportedRollout, tell};
+use crate::sim::{ReportedRollout, Undriven, tell};
 
 /// A planner may load weights before it greets: it has at least this long, s.
 const GREETING_S: f64 = 120.0;
@@ -169,7 +169,7 @@ impl<'a> Planners<'a> {
         let stopped = planner.was_stopped();
         match planner.broken() {
             None => match abandoned {
-                Some(reason) => Ok(Answer::Failed(format!("{ABANDONED}{}`, {reason}", self.command()))),
+                Some(said) => Ok(Answer::Failed(Undriven::Abandoned(format!("planner `{}`, {said}", self.command())))),
                 None => Ok(Answer::ReportedRollout(ReportedRollout { controls, ..reported? })),
             },
             // A failure of its scene would be recorded.
@@ -180,9 +180,8 @@ impl<'a> Planners<'a> {
                 found: reason,
                 remedy: "repeat the command to go on".into(),
             }))),
-            Some(Refusal { reason, printed, late }) => {
-                let late = if late { TOO_SLOW } else { "" };
-                let reason = format!("{late}planner `{}`, {reason}", self.command());
+            Some(Refusal { reason, printed, of }) => {
+                let reason = of(format!("planner `{}`, {reason}", self.command()));
                 let reported = complaint(process.line.as_mut());
                 let printed = if printed.is_empty() { reported } else { format!("; it printed: {printed}{reported}") };
                 if let Some(printed) = printed.strip_prefix("; ") {
@@ -298,7 +297,7 @@ fn difference(first: &Answer, second: &Answer) -> Option<(String, String)> {
     }
     let driven = |answer: &Answer| match answer {
         Answer::ReportedRollout(reported) => format!("a drive of {} decisions", reported.ego.len().saturating_sub(1)),
-        Answer::Failed(reason) => reason.clone(),
+        Answer::Failed(reason) => reason.to_string(),
     };
     let (Answer::ReportedRollout(first), Answer::ReportedRollout(second)) = (first, second) else {
         return Some((driven(first), driven(second)));

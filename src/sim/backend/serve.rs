@@ -53,7 +53,7 @@ pub fn serve(line: &[u8]) -> Result<Served, String> {
     let request = asked.request;
     let answer = match played(asked) {
         Ok(answer) => answer,
-        Err(reason) => Answer::Failed(reason),
+        Err(reason) => Answer::Failed(reason.into()),
     };
     Ok(AnswerLine::of(request, &answer).to_bytes())
 }

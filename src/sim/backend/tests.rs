@@ -272,7 +272,7 @@ fn a_crash_is_repaired_by_a_new_worker_and_fails_the_scene_in_the_end() {
     assert_eq!(mended, rollout_assessed(&plant, &intercept(&scene, 5), Policy::Idm.driver().as_mut()).unwrap());
     let failed = rollout(&own("physical", 2), &Fake(crashes(3), Mutex::new(0)), &scene);
     let Err(NoOutcome::Scene(reason)) = failed else { panic!("{failed:?}") };
-    assert!(reason.contains("ended without an answer, 3 times"), "{reason}");
+    assert!(reason.to_string().contains("ended without an answer, 3 times"), "{reason}");
 }
 
 /// A cassette with one recorded rollout, and its request's key.

@@ -124,7 +124,8 @@ impl<'a> Workers<'a> {
                 Err(Lost::Broken(Broken::Ended | Broken::Late)) if left > 0 => left -= 1,
                 Err(Lost::Broken(Broken::Ended)) => {
                     let times = self.backend.worker.retries + 1;
-                    return Ok(Answer::Failed(format!("the backend's worker ended without an answer, {times} times")));
+                    let reason = format!("the backend's worker ended without an answer, {times} times");
+                    return Ok(Answer::Failed(reason.into()));
                 }
                 Err(Lost::Broken(broken)) => return Err(self.crew.stop(self.broken(&place(request), &broken)).into()),
                 Err(Lost::Fault(fault)) => return Err(self.crew.stop(fault).into()),
@@ -157,10 +158,11 @@ impl<'a> Workers<'a> {
         }
         let mut answer = line.into_answer().map_err(|found| wrong("a motion or a failure", found))?;
         if let Answer::Failed(rollout) = &mut answer {
-            let reason = stable(rollout);
-            if reason != *rollout {
-                self.start.show(&place(request), rollout);
-                *rollout = reason;
+            let told = rollout.to_string();
+            let reason = stable(&told);
+            if reason != told {
+                self.start.show(&place(request), &told);
+                *rollout = reason.into();
             }
         }
         if let Answer::ReportedRollout(rollout) = &answer {

@@ -26,7 +26,7 @@ pub use road_users::{
 };
 pub use rollouts::{
     ContactBoxes, Episode, Held, Part, Pose, Repeated, ReportedActor, ReportedContact, ReportedError, ReportedRollout,
-    Retraced, RolloutCost, adversaries_of, commands, contact_within, ending, fault_of, judge, reported,
+    Retraced, RolloutCost, Undriven, adversaries_of, commands, contact_within, ending, fault_of, judge, reported,
     reported_timeline, retraced, rollout, rollout_assessed, rollout_counted, rollout_explained, rollout_in_parts,
     rollout_traced, tell,
 };

@@ -185,7 +185,7 @@ mod tests {
                 candidate: Box::new(candidate),
                 route: Route {
                     decision: RouteDecision::Select,
-                    reason: String::new(),
+                    reason: String::new().into(),
                     snapshot: Digest::of_bytes(b"w"),
                     predicted: objectives,
                     uncertainty: 0.0,

@@ -94,7 +94,7 @@ fn candidate(tags: &[&str]) -> Box<Candidate> {
 fn route(decision: RouteDecision, attack: f64) -> Route {
     Route {
         decision,
-        reason: String::new(),
+        reason: String::new().into(),
         snapshot: Digest::of_bytes(b"w"),
         predicted: Objectives { attack, realism: 0.9 },
         uncertainty: 0.123456,

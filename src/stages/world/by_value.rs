@@ -2,9 +2,9 @@
 //! promising and certain is selected, what is uncertain or in a sparse region is audited, and only what is low with certainty is turned
 //! away for its value.
 
-use super::verdict::{Allotted, MONITORED, Prediction, audits, loses, strata};
+use super::verdict::{Allotted, Prediction, audits, loses, strata};
 use crate::kernel::Stream;
-use crate::objects::{RouteDecision, RoutingOptions};
+use crate::objects::{RouteDecision, RouteReason, RoutingOptions};
 
 /// How the reason of a candidate opens that is turned away for its value.
 const LOW: &str = "reject: low and certain";
@@ -45,14 +45,14 @@ pub(super) fn allot(predictions: &[Prediction], options: &RoutingOptions, stream
                 (RouteDecision::Audit, false) => "reject: behind the budget, uncertain or in a sparse region",
             };
             let decision = if taken.contains(&place) { verdicts[place] } else { RouteDecision::Reject };
-            (decision, None, format!("{why}, rank {} of {n}", rank(place)))
+            (decision, None, RouteReason::Other(format!("{why}, rank {} of {n}", rank(place))))
         })
         .collect();
     let left = [&ranked[1], &ranked[2], &ranked[0]].into_iter().flatten().copied();
     let left: Vec<usize> = left.filter(|place| !taken.contains(place)).collect();
     for stratum in strata(&left, monitored) {
         let place = stratum[stream.below(stratum.len())];
-        let reason = format!("{MONITORED}, rank {} of {n}", rank(place));
+        let reason = RouteReason::Monitored(format!(", rank {} of {n}", rank(place)));
         allotted[place] = (RouteDecision::Audit, Some(stratum.len() as f64), reason);
     }
     allotted

@@ -143,7 +143,8 @@ fn allotted(
         lambda_u: 0.2,
         ..routing.clone()
     };
-    by_value::allot(predictions, &options, &mut audit_stream(Seed(seed), &LineageId::new("cat-idm"), 1))
+    let all = by_value::allot(predictions, &options, &mut audit_stream(Seed(seed), &LineageId::new("cat-idm"), 1));
+    all.into_iter().map(|(decision, weight, why)| (decision, weight, why.into())).collect()
 }
 
 #[test]

@@ -6,17 +6,17 @@ use super::{
     configuration::{ConfigurationError, validate},
     pairs, pilot,
     prediction::{difference, spread},
-    verdict::{Allotted, MONITORED, OfPairs, Prediction, audits, is_weak, strata},
+    verdict::{Allotted, OfPairs, Prediction, audits, is_weak, strata},
 };
 use crate::kernel::{Digest, Seed, Stream, canon::CanonError};
 use crate::objects::{
-    LineageId, Objectives, Pilot, Regression, Route, RouteDecision, RoutingChoice, RoutingOptions, WorldConfiguration,
-    WorldFit, WorldModel, WorldRow, WorldSnapshot,
+    LineageId, Objectives, Pilot, Regression, Route, RouteDecision, RouteReason, RoutingChoice, RoutingOptions,
+    WorldConfiguration, WorldFit, WorldModel, WorldRow, WorldSnapshot,
 };
 
 /// Whether a recorded route would have turned its candidate away, had it not been drawn for an audit.
 pub fn drawn_by_monitor(route: &Route) -> bool {
-    route.decision == RouteDecision::Audit && route.reason.starts_with(MONITORED)
+    route.decision == RouteDecision::Audit && matches!(route.reason, RouteReason::Monitored(_))
 }
 
 /// Why a candidate could not be routed, or a snapshot not used.
@@ -110,7 +110,7 @@ impl<'s> Router<'s> {
         };
         let route = |(prediction, (decision, weight, reason)): (&Prediction, Allotted)| Route {
             decision,
-            reason: format!("{reason}; {}", numbers(prediction)),
+            reason: reason.with(&format!("; {}", numbers(prediction))),
             snapshot: self.digest,
             predicted: prediction.objectives,
             uncertainty: prediction.uncertainty(),
@@ -184,15 +184,16 @@ pub fn allot(
     let mut allotted: Vec<Allotted> = (0..n)
         .map(|place| {
             let weak = if is_weak(&predictions[place], options) { "weak and certain" } else { "behind the budget" };
-            (RouteDecision::Reject, None, format!("reject: {weak}, rank {} of {n}", rank(place)))
+            (RouteDecision::Reject, None, RouteReason::Other(format!("reject: {weak}, rank {} of {n}", rank(place))))
         })
         .collect();
     for place in selected {
-        allotted[place] = (RouteDecision::Select, None, format!("select: rank {} of {n}", rank(place)));
+        let reason = RouteReason::Other(format!("select: rank {} of {n}", rank(place)));
+        allotted[place] = (RouteDecision::Select, None, reason);
     }
     for stratum in strata(&others, audits) {
         let place = stratum[stream.below(stratum.len())];
-        let reason = format!("{MONITORED}, rank {} of {n}", rank(place));
+        let reason = RouteReason::Monitored(format!(", rank {} of {n}", rank(place)));
         allotted[place] = (RouteDecision::Audit, Some(stratum.len() as f64), reason);
     }
     allotted
@@ -205,9 +206,10 @@ fn drawn(n: usize, budget: usize, why: &str, stream: &mut Stream) -> Vec<Allotte
     let chosen = &order[..budget];
     let one = |place: usize| {
         if chosen.contains(&place) {
-            (RouteDecision::Audit, Some(n as f64 / budget as f64), format!("audit: drawn at random, {why}"))
+            let reason = RouteReason::Other(format!("audit: drawn at random, {why}"));
+            (RouteDecision::Audit, Some(n as f64 / budget as f64), reason)
         } else {
-            (RouteDecision::Reject, None, format!("reject: not drawn, {why}"))
+            (RouteDecision::Reject, None, RouteReason::Other(format!("reject: not drawn, {why}")))
         }
     };
     (0..n).map(one).collect()

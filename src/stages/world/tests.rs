@@ -106,12 +106,9 @@ fn routed(
     seed: u64,
 ) -> Vec<(RouteDecision, Option<f64>, String)> {
     let configuration = WorldConfiguration { routing: options.clone(), ..configuration(WorldModel::Ridge) };
-    allot(
-        predictions,
-        too_few(100, &configuration),
-        options,
-        &mut audit_stream(Seed(seed), &LineageId::new("cat-idm"), 1),
-    )
+    let stream = &mut audit_stream(Seed(seed), &LineageId::new("cat-idm"), 1);
+    let all = allot(predictions, too_few(100, &configuration), options, stream);
+    all.into_iter().map(|(decision, weight, why)| (decision, weight, why.into())).collect()
 }
 
 fn one_thread() -> Threads {

@@ -1,9 +1,6 @@
 //! What is predicted of a candidate, and what both ways of allotting an epoch's rollouts share.
 
-use crate::objects::{Objectives, RouteDecision, RoutingOptions};
-
-/// How the reason of a candidate opens that was drawn among those that the rank left out.
-pub const MONITORED: &str = "audit: left out by the rank, drawn at random";
+use crate::objects::{Objectives, RouteDecision, RouteReason, RoutingOptions};
 
 /// W_φ(c), calibrated.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,7 +37,7 @@ impl Prediction {
 }
 
 /// A decision, for how many candidates a drawn one stands, and why.
-pub type Allotted = (RouteDecision, Option<f64>, String);
+pub type Allotted = (RouteDecision, Option<f64>, RouteReason);
 
 /// How many of the budget are drawn, by a number in [0, 1) for the fraction.
 pub fn audits(options: &RoutingOptions, budget: usize, draw: f64) -> usize {

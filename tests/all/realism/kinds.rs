@@ -171,7 +171,7 @@ fn a_noisy_recording_is_as_plausible_as_a_clean_one() {
         let of_kind = WithRecording { simulated: plant.recorded_of_kind(case.track), recorded: None };
         let limits = options.calibration.of(AgentKind::Vehicle);
         let report = AdversaryReport { of_kind: Some(of_kind), ..recorded_reports(&plant)[0].clone() };
-        lost.push(100.0 * (1.0 - rolling::diagnostic(&report, limits)) / 12.0);
+        lost.push(100.0 * (1.0 - rolling::ROW.value(&report, limits)) / 12.0);
     }
     let mean_pct = lost.iter().sum::<f64>() / lost.len() as f64;
     println!("RP of rolling {mean_pct:.3} % of {} noisy motions", lost.len());

@@ -7,13 +7,17 @@ mod places;
 mod recorded;
 
 use evodrive::ego::Policy;
-use evodrive::evaluation::{Calibration, RealismOptions, Weights};
+use evodrive::evaluation::{Calibration, Counts, DIAGNOSTICS, RealismOptions};
 use evodrive::kernel::Seed;
 use evodrive::objects::RealismMean;
 use evodrive::scene::{AgentKind, Scene};
 use evodrive::sim::{Action, Intervention, Outcome, Plant, rollout};
 use evodrive::synth::{self, SynthOptions, WorldKind};
+use std::collections::BTreeMap;
 use std::path::Path;
+
+/// Name of the diagnostic of places.
+pub const PLACE: &str = "place_of_kind";
 
 /// Generated scenes of these worlds, cars alone; a world that finds no interacting pair gives none.
 fn worlds(kinds: &[WorldKind], tracks_per_scene: usize, seed: Seed, scenes: usize) -> Vec<Scene> {
@@ -45,69 +49,40 @@ fn body_m(kind: AgentKind) -> (f64, f64) {
 
 /// Equal weights and the calibration that the repository ships.
 pub fn options() -> RealismOptions {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/calibration/recorded.toml");
-    let calibration: Calibration = toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
-    let weights = Weights {
-        rolling: None,
-        speed_of_kind: None,
-        place_of_kind: None,
-        map_validity: 0.1,
-        lane_direction: 0.1,
-        route_completion: 0.1,
-        initial_non_overlap: 0.1,
-        collision_validity: 0.1,
-        parked_obstacles: 0.1,
-        trajectory_continuity: 0.1,
-        bounded_acceleration: 0.1,
-        bounded_jerk: 0.1,
-        bounded_slip: 0.1,
-    };
-    let options = RealismOptions {
-        weights,
-        calibration: Box::new(calibration),
-        mean: RealismMean::Strict,
-        excuses_recordings: true,
-    };
-    options.check().unwrap();
-    options
+    equal("recorded", &[Counts::Always])
 }
 
 /// The same with the two diagnostics of kinds, and bounds by kind.
 pub fn options_of_kind() -> RealismOptions {
-    by_kind(1.0 / 12.0, None)
+    equal("kinds", &[Counts::Always, Counts::OfKind])
 }
 
 /// The same with the diagnostic of places, too.
 pub fn options_of_place() -> RealismOptions {
-    by_kind(1.0 / 13.0, Some(1.0 / 13.0))
+    equal("kinds", &[Counts::Always, Counts::OfKind, Counts::OfPlace])
 }
 
-fn by_kind(share: f64, place_of_kind: Option<f64>) -> RealismOptions {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/calibration/kinds.toml");
+fn equal(calibration: &str, counting: &[Counts]) -> RealismOptions {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("experiments/calibration/{calibration}.toml"));
     let calibration: Calibration = toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
-    let weights = Weights {
-        rolling: Some(share),
-        speed_of_kind: Some(share),
-        place_of_kind,
-        map_validity: share,
-        lane_direction: share,
-        route_completion: share,
-        initial_non_overlap: share,
-        collision_validity: share,
-        parked_obstacles: share,
-        trajectory_continuity: share,
-        bounded_acceleration: share,
-        bounded_jerk: share,
-        bounded_slip: share,
-    };
+    let those: Vec<_> = DIAGNOSTICS.iter().filter(|of| counting.contains(&of.counts)).collect();
+    let weights: BTreeMap<_, _> = those.iter().map(|of| (of.name().to_string(), 1.0 / those.len() as f64)).collect();
     let options = RealismOptions {
-        weights,
+        weights: weights.try_into().unwrap(),
         calibration: Box::new(calibration),
         mean: RealismMean::Strict,
         excuses_recordings: true,
     };
     options.check().unwrap();
     options
+}
+
+#[test]
+fn the_page_of_objectives_tells_of_every_diagnostic() {
+    let page = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/OBJECTIVES.md")).unwrap();
+    let names = DIAGNOSTICS.iter().map(|of| of.name());
+    let missing = names.filter(|name| !page.contains(&format!("| `{name}`")) && !page.contains(&format!("**{name}**")));
+    assert_eq!(missing.collect::<Vec<_>>(), Vec::<&str>::new());
 }
 
 pub fn played(scene: &Scene, action: Action, ego: &Policy) -> Outcome {

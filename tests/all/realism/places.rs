@@ -1,6 +1,7 @@
 //! Who is where its kind does not belong loses realism where an experiment weighs that, and recorded traffic is not there.
 
-use super::{body_m, options_of_kind, options_of_place, worlds};
+use super::{PLACE, body_m, options_of_kind, options_of_place, worlds};
+use crate::evaluation::{limits, report};
 use crate::harness::shared;
 use evodrive::ego::Policy;
 use evodrive::evaluation::calibrate::moves;
@@ -9,7 +10,9 @@ use evodrive::evaluation::metrics::realism::realism;
 use evodrive::formats::import_files;
 use evodrive::kernel::{Polyline, Seed, Vec2, num};
 use evodrive::scene::{AgentKind, DT_S, Lane, LaneGraph, LaneKind, PreparedScene, Sample, Scene, Track};
-use evodrive::sim::{Action, Intervention, OfPlace, Outcome, Plant, SimulatorOptions, WithRecording, rollout};
+use evodrive::sim::{
+    Action, AdversaryReport, Intervention, OfPlace, Outcome, Plant, SimulatorOptions, WithRecording, rollout,
+};
 use evodrive::synth::WorldKind;
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
@@ -148,8 +151,8 @@ fn shares<'p>(
 /// Place of kind catches a motion nearly everywhere, and no other diagnostic does.
 fn is_caught_by_its_place(shares: &BTreeMap<String, f64>) {
     println!("{shares:?}");
-    assert!(shares[place_of_kind::NAME] >= SHARE, "{shares:?}");
-    for (name, share) in shares.iter().filter(|(name, _)| *name != place_of_kind::NAME) {
+    assert!(shares[PLACE] >= SHARE, "{shares:?}");
+    for (name, share) in shares.iter().filter(|(name, _)| *name != PLACE) {
         assert!(*share <= 1.0 - SHARE, "{name}: {shares:?}");
     }
 }
@@ -191,7 +194,7 @@ fn on_a_street_or_beside_a_motorway_everybody_may_be_and_a_car_on_both() {
         let beside = beside.into_iter().find(|at| plant.lanes().off_road_m(*at) > 0.2).unwrap();
         Box::new(move |_| beside)
     };
-    let never = |shares: BTreeMap<String, f64>| assert_eq!(shares[place_of_kind::NAME], 0.0, "{shares:?}");
+    let never = |shares: BTreeMap<String, f64>| assert_eq!(shares[PLACE], 0.0, "{shares:?}");
     never(shares(lanes(LaneKind::Freeway), AgentKind::Pedestrian, at_the_kerb));
     never(shares(lanes(LaneKind::Freeway), AgentKind::Vehicle, stands));
     never(shares(lanes(LaneKind::Freeway), AgentKind::Vehicle, rides_along));
@@ -249,8 +252,7 @@ fn a_car_that_turns_round_over_a_barrier_is_caught_by_its_place_alone_and_where_
         ..*place
     };
     let open: Vec<Place> = divided().iter().map(open).collect();
-    let shares =
-        |places, motion: fn(&Place) -> Way<'_>| shares(places, AgentKind::Vehicle, motion)[place_of_kind::NAME];
+    let shares = |places, motion: fn(&Place) -> Way<'_>| shares(places, AgentKind::Vehicle, motion)[PLACE];
     assert_eq!(shares(&open, turns_round), 0.0);
     assert_eq!(shares(divided(), changes_lane), 0.0, "beside the barrier");
 }
@@ -284,7 +286,7 @@ fn who_follows_a_recording_that_goes_across_is_excused_as_far_as_the_recording_g
         };
         let act = Intervention { actions: vec![action] };
         let outcome = rollout(&plant, &act, Policy::Replay.driver().as_mut()).unwrap();
-        realism(&outcome, &options_of_place()).0[place_of_kind::NAME]
+        realism(&outcome, &options_of_place()).0[PLACE]
     };
     assert_eq!(found(motion(&recorded), false), 0.0, "nothing excuses somebody new");
     assert_eq!(found(motion(&recorded), true), 1.0);
@@ -300,7 +302,7 @@ fn a_car_that_crosses_the_median_of_a_generated_motorway_is_caught() {
     let goes =
         |place: &Place| played(place, AgentKind::Vehicle, |t| place.at + ahead(place).left() * (7.0 * t.max(0.0)));
     let options = options_of_place();
-    let found = places.iter().map(|place| realism(&goes(place), &options).0[place_of_kind::NAME]);
+    let found = places.iter().map(|place| realism(&goes(place), &options).0[PLACE]);
     let found: Vec<f64> = found.collect();
     let caught = found.iter().filter(|d| **d <= CAUGHT).count();
     println!("{caught} of {}", found.len());
@@ -320,13 +322,17 @@ fn an_outcome_that_was_not_asked_says_nothing_of_places() {
         let plant = Plant::with_options(PreparedScene::new(Arc::new(place.scene.clone())), &options).unwrap();
         let plain = rollout(&plant, &act, Policy::Idm.driver().as_mut()).unwrap();
         assert!(!serde_json::to_string(&plain).unwrap().contains("of_place"), "so its digest is what it always was");
-        assert_eq!(realism(&plain, &options_of_kind()).0.get(place_of_kind::NAME), None);
+        assert_eq!(realism(&plain, &options_of_kind()).0.get(PLACE), None);
         assert!(!serde_json::to_string(&options).unwrap().contains("of_place"), "and so is the rollout's key");
     }
 }
 
+fn of_account(of_place: Option<WithRecording<OfPlace>>) -> f64 {
+    place_of_kind::ROW.value(&AdversaryReport { of_place, ..report() }, &limits())
+}
+
 fn d(simulated: OfPlace, recorded: Option<OfPlace>) -> f64 {
-    place_of_kind::of_account(&Some(WithRecording { simulated, recorded }))
+    of_account(Some(WithRecording { simulated, recorded }))
 }
 
 #[test]
@@ -336,13 +342,13 @@ fn only_what_goes_beyond_bound_and_own_recording_counts_and_the_worse_of_both() 
     assert!((d(of(0.1, 0.0), None) - 2.0 / 3.0).abs() < 1e-9);
     assert!((d(of(0.1, 1.25), None) - 0.25).abs() < 1e-9, "0.75 m beyond the bound is the worse");
     assert!((d(of(0.0, 1.25), Some(of(0.0, 1.0))) - 0.75).abs() < 1e-9, "its recording goes across by 1 m");
-    assert_eq!(place_of_kind::of_account(&None), 1.0);
+    assert_eq!(of_account(None), 1.0);
 }
 
 /// What recorded road users lose by their place, judged as if they had been generated: by kind their number, how many lose anything,
 /// the largest of both quantities, and the mean penalty in percent.
 fn lost(scenes: &[Scene]) -> BTreeMap<AgentKind, (usize, usize, f64, f64, f64)> {
-    let weight = options_of_place().weights.place_of_kind.unwrap();
+    let weight = BTreeMap::from_iter(options_of_place().weights())[PLACE];
     let mut all: BTreeMap<AgentKind, (usize, usize, f64, f64, f64)> = BTreeMap::new();
     for scene in scenes {
         let plant = prepared(scene);

@@ -5,7 +5,7 @@ use serde_json::json;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use crate::backend::{Answers, NoOutcome, ProgramContext, is_abandoned, is_too_slow};
+use crate::backend::{Answers, NoOutcome, ProgramContext};
 use crate::cli::evolve::behind::{self, Asked};
 use crate::cli::scenes::{files, left_out::listed};
 use crate::cli::studies::train::lessons;
@@ -16,7 +16,7 @@ use crate::experiment::{Experiment, shipped_weights};
 use crate::kernel::{Seed, Threads};
 use crate::learn::{Lesson, Trial, figures, trial};
 use crate::scene::Pool;
-use crate::sim::SimError;
+use crate::sim::{SimError, Undriven};
 use crate::store;
 use crate::text::counted;
 
@@ -108,14 +108,17 @@ fn planned(path: &Path, asked: &Asked, lessons: &[Lesson], seed: u64, threads: &
     for (lesson, driven) in lessons.iter().zip(threads.map(lessons, drive)) {
         match driven {
             Ok(outcome) => outcomes.push(outcome),
-            Err(NoOutcome::Scene(reason)) => not_driven.push((lesson.plant.scene_id().to_string(), reason)),
+            Err(NoOutcome::Scene(why)) => not_driven.push((lesson.plant.scene_id().to_string(), why)),
             Err(NoOutcome::Stop(error)) => return Err(error.into()),
         }
     }
-    let count = |is: fn(&str) -> bool| not_driven.iter().filter(|(_, reason)| is(reason)).count();
-    let (too_slow, abandoned) = (count(is_too_slow), count(is_abandoned));
+    let count = |is: fn(&Undriven) -> bool| not_driven.iter().filter(|(_, why)| is(why)).count();
+    let too_slow = count(|why| matches!(why, Undriven::TooSlow(_)));
+    let abandoned = count(|why| matches!(why, Undriven::Abandoned(_)));
     let failed = not_driven.len() - too_slow - abandoned;
-    listed("not driven", not_driven.into_iter()).into_iter().for_each(progress);
+    listed("not driven", not_driven.into_iter().map(|(scene, why)| (scene, why.to_string())))
+        .into_iter()
+        .for_each(progress);
     planners.compared().into_iter().for_each(progress);
     if outcomes.is_empty() {
         Err(Failure::bad_input("the ego drove no scene to its end; the reasons are given above"))

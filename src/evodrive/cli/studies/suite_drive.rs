@@ -280,11 +280,11 @@ fn played_of(case: &Case, drove: Result<Drove, NoOutcome>) -> Result<Played, Fai
             let driven = CaseOutcome::Driven(drove.drive());
             Ok(Played { realism: drove.realism, timeline: drove.timeline, ..of_case(case, driven) })
         }
-        Err(NoOutcome::Scene(reason)) => Ok(of_case(
+        Err(NoOutcome::Scene(why)) => Ok(of_case(
             case,
-            match FaultKind::of(&reason) {
-                Some(kind) => CaseOutcome::Fault { kind, reason },
-                None => CaseOutcome::Unplayable { reason },
+            match FaultKind::of(&why) {
+                Some(kind) => CaseOutcome::Fault { kind, reason: why.to_string() },
+                None => CaseOutcome::Unplayable { reason: why.to_string() },
             },
         )),
         // Its own words are for experiment files, and name the scene.

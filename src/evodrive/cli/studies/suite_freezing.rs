@@ -70,10 +70,9 @@ impl Freezing<'_> {
             let entry = &entries[place];
             let own = std::slice::from_ref(entry);
             let made = applied.interventions(&[&planned.program], own, &Threads::none());
-            let made = made.map_err(|error| NoOutcome::Scene(error.to_string()))?;
+            let made = made.map_err(|error| error.to_string())?;
             let intervention = made.into_iter().flatten().next();
-            let intervention =
-                intervention.unwrap_or_else(|| Err("no intervention".into())).map_err(NoOutcome::Scene)?;
+            let intervention = intervention.unwrap_or_else(|| Err("no intervention".into()))?;
             let driven = (&intervention, under(&planned.member));
             let label = self.label(entry, &applied.backend, applied.simulator, driven)?;
             Ok((intervention, label))
@@ -92,8 +91,8 @@ impl Freezing<'_> {
                     kept.push(Freezable { candidate, program: Some(program), rules, intervention, label });
                 }
                 Ok(_) => {}
-                Err(NoOutcome::Scene(reason)) => {
-                    reasons.push((format!("{} in {}", planned.member.name, entry.scene().id), reason));
+                Err(NoOutcome::Scene(why)) => {
+                    reasons.push((format!("{} in {}", planned.member.name, entry.scene().id), why.to_string()));
                 }
                 Err(NoOutcome::Stop(error)) => return Err(error.into()),
             }
@@ -131,7 +130,7 @@ impl Freezing<'_> {
                         label,
                     });
                 }
-                Err(NoOutcome::Scene(reason)) => reasons.push((format!("plain in {}", entry.scene().id), reason)),
+                Err(NoOutcome::Scene(why)) => reasons.push((format!("plain in {}", entry.scene().id), why.to_string())),
                 Err(NoOutcome::Stop(error)) => return Err(error.into()),
             }
         }

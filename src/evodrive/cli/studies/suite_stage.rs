@@ -61,7 +61,7 @@ impl<'a> SuiteRunner<'a> {
     pub fn plant(&self, case: &Case) -> Result<Plant, NoOutcome> {
         let scene = self.scenes.get(case.scene.as_str());
         let (Some(scene), Some(rules)) = (scene, self.suite.rules.get(case.rules)) else {
-            return Err(NoOutcome::Scene(format!("case {}: its scene or its rules are gone", case.id)));
+            return Err(format!("case {}: its scene or its rules are gone", case.id).into());
         };
         Ok(Plant::with_options(scene.clone(), rules)?)
     }
@@ -152,7 +152,7 @@ pub fn under(member: &Member) -> ProgramContext {
 }
 
 fn backend<'b, 'a>(backends: &'b [Backend<'a>], case: &Case) -> Result<&'b Backend<'a>, NoOutcome> {
-    backends.get(case.rules).ok_or_else(|| NoOutcome::Scene(format!("case {}: its rules are gone", case.id)))
+    backends.get(case.rules).ok_or_else(|| format!("case {}: its rules are gone", case.id).into())
 }
 
 /// Refuses labels that come out differently from those that were frozen.

@@ -97,7 +97,7 @@ pub fn within_budget(
         }
         if left == 0 {
             routed.route.decision = RouteDecision::Reject;
-            routed.route.reason = format!("the lineage's budget of {budget} rollouts is used up");
+            routed.route.reason = format!("the lineage's budget of {budget} rollouts is used up").into();
         }
         left = left.saturating_sub(1);
     }

@@ -169,7 +169,7 @@ impl Rehearsal<'_> {
                     self.tools.rollouts.keep(&key, &record)?;
                     record.into()
                 }
-                Err(NoOutcome::Scene(reason)) => return Ok(Trial::Refused { reason }),
+                Err(NoOutcome::Scene(why)) => return Ok(Trial::Refused { reason: why.to_string() }),
                 Err(NoOutcome::Stop(error)) => return Err(EvaluationError::from(error).into()),
             },
         };

@@ -1,13 +1,12 @@
 //! The handbook of a lineage's family, and the numbers behind its formulas, from the study's options.
 
-use super::searching::{around_search_in_words, ego_in_words, learned_in_words, search_in_words};
+use super::searching::{around_search_in_words, ego_in_words, learned_in_words};
 use crate::agents::{Acceptance, AgentError, Detail, Diagnostic, Handbook, HandbookParts, Measures, Omitted, Protocol};
 use crate::candidates::PROTECTED;
 use crate::ego::Policy;
 use crate::epoch::RunError;
 use crate::epoch::setting::study::{LineageSpec, Study};
-use crate::evaluation::metrics::place_of_kind;
-use crate::evaluation::{EvaluationOptions, Limits, MetadriveOptions, SafebenchOptions};
+use crate::evaluation::{self, EvaluationOptions, MetadriveOptions, Quantity, SafebenchOptions};
 use crate::objects::{
     AcceptanceRequirement, AttackRequirement, FrontOf, FrontPer, GatesAsked, JudgedOn, RealismMean, UnreadableCritic,
 };
@@ -30,7 +29,7 @@ pub fn handbook(study: &Study, spec: &LineageSpec) -> Result<Handbook, RunError>
             modules: study.without.mechanisms,
         },
         detail: (!study.questions.is_plain()).then(|| Detail {
-            search: search_in_words(source.contract.family.as_str()).unwrap_or_default(),
+            search: source.search_in_words,
             around: around_search_in_words(source.contract.backend == "safebench", study.questions.is_compact()),
             ego: (!study.without.sight).then_some(&egos),
             compact: study.questions.is_compact(),
@@ -111,37 +110,22 @@ fn metadrive(options: &MetadriveOptions, reaction_s: f64) -> Protocol {
         classes.iter().map(|class| class.name().to_string()).collect()
     };
     let vehicle = &options.realism.calibration.vehicle;
-    let diagnostic =
-        |(name, weight): (&str, f64)| Diagnostic { name: name.into(), weight, limits: limits(name, vehicle) };
+    let limit = |of: &Quantity| (of.limit)(vehicle).map(|limit| (of.name.to_string(), limit.bound, limit.tolerance));
+    let diagnostic = |(of, weight): (&evaluation::Diagnostic, f64)| Diagnostic {
+        name: of.name().into(),
+        weight,
+        meaning: of.meaning,
+        short: of.short,
+        limits: of.quantities().iter().filter_map(limit).collect(),
+    };
     Protocol::Metadrive {
         counts: names(&options.attack.counts),
         counts_if_avoidable: names(&options.attack.counts_if_avoidable),
         reaction_s,
         when: options.attack.when.as_ref().map(|when| when.text().to_string()),
         metrics: options.metrics.iter().map(|(name, of)| (name.clone(), of.text().to_string())).collect(),
-        diagnostics: options.realism.weights().into_iter().map(diagnostic).collect(),
+        diagnostics: options.realism.diagnostics().map(diagnostic).collect(),
     }
-}
-
-/// Bound and tolerance of each quantity that a diagnostic measures in vehicles.
-fn limits(diagnostic: &str, vehicle: &Limits) -> Vec<(String, f64, f64)> {
-    if diagnostic == place_of_kind::NAME {
-        let both = [("motorway_s", place_of_kind::MOTORWAY_S), ("across_m", place_of_kind::ACROSS_M)];
-        return both.into_iter().map(|(name, limit)| (name.to_string(), limit.bound, limit.tolerance)).collect();
-    }
-    let measured: &[&str] = match diagnostic {
-        "map_validity" => &["off_road_m"],
-        "lane_direction" => &["wrong_way_m"],
-        "trajectory_continuity" => &["jump_m", "kink_m", "roughness_m"],
-        "bounded_acceleration" => &["acceleration_mps2"],
-        "bounded_jerk" => &["jerk_mps3"],
-        "bounded_slip" => &["slip_mps"],
-        "rolling" => &["unrolled_m"],
-        "speed_of_kind" => &["speed_mps"],
-        _ => &[],
-    };
-    let of = vehicle.by_name().into_iter().filter(|(name, _)| measured.contains(name));
-    of.map(|(name, limit)| (name.to_string(), limit.bound, limit.tolerance)).collect()
 }
 
 fn safebench_limits(options: &SafebenchOptions) -> Vec<(String, f64, f64)> {
@@ -166,25 +150,15 @@ fn safebench_limits(options: &SafebenchOptions) -> Vec<(String, f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evaluation::{Counts, DIAGNOSTICS};
     use serde_json::{Value, json};
 
     /// The objectives as a prompt has them, with these weights in place of some.
     fn objectives(weights: &[&str]) -> String {
         let calibration = include_str!("../../../../experiments/calibration/kinds.toml");
         let calibration: Value = toml::from_str(calibration).unwrap();
-        let always = [
-            "map_validity",
-            "lane_direction",
-            "route_completion",
-            "initial_non_overlap",
-            "collision_validity",
-            "parked_obstacles",
-            "trajectory_continuity",
-            "bounded_acceleration",
-            "bounded_jerk",
-            "bounded_slip",
-        ];
-        let weights = always.iter().chain(weights).map(|name| (name.to_string(), json!(0.1)));
+        let always = DIAGNOSTICS.iter().filter(|of| of.counts == Counts::Always).map(|of| of.name());
+        let weights = always.chain(weights.iter().copied()).map(|name| (name.to_string(), json!(0.1)));
         let options = json!({
             "attack": {"counts": ["ego_strikes"], "counts_if_avoidable": []},
             "realism": {"weights": weights.collect::<serde_json::Map<_, _>>(), "calibration": calibration},

@@ -165,7 +165,7 @@ impl Applied<'_> {
             let counsel = self.counsel(entry).map(Counsel::digest).transpose()?;
             refs.push(SceneRef { id: &entry.scene().id, digest: entry.digest, group: entry.group(), counsel });
         }
-        let label = |i: usize| records[i].clone().map_err(NoOutcome::Scene);
+        let label = |i: usize| records[i].clone().map_err(NoOutcome::from);
         let score = evaluate(&subject, &refs, &label, self.evaluation, &Unkept, threads)?;
         let (mut runs, mut failures) = (BTreeMap::<Group, Vec<SafebenchRun>>::new(), BTreeMap::<Group, usize>::new());
         if let Some(safebench) = self.evaluation.safebench() {

@@ -321,7 +321,7 @@ impl Labelling<'_> {
                 },
                 // Where the other simulator has no record of the ego's drive, a program cannot be tried; that is not the program's fault.
                 Err(NoOutcome::Scene(_)) if study.plans_around_backend() => (None, None, None),
-                Err(NoOutcome::Scene(reason)) => return Err(RunError::Study(reason)),
+                Err(NoOutcome::Scene(why)) => return Err(RunError::Study(why.to_string())),
                 Err(NoOutcome::Stop(error)) => return Err(EvaluationError::from(error).into()),
             },
         };
@@ -469,7 +469,7 @@ impl<'a> Asked<'a> {
     fn label(&self, i: usize) -> Result<RolloutRecord, NoOutcome> {
         let (place, counsel) = (self.places[i], self.counsels[i]);
         if self.labelling.tools.wanted.is_some() {
-            return Err(NoOutcome::Scene(self.labelling.known_reason(self.subject.program, place, counsel)?));
+            return Err(self.labelling.known_reason(self.subject.program, place, counsel)?.into());
         }
         self.labelling.rollout(self.prepared()?, place, counsel)
     }
@@ -482,7 +482,7 @@ impl<'a> Asked<'a> {
     fn prepared(&self) -> Result<&Prepared<'_>, NoOutcome> {
         let Labelling { study, spec, tools, .. } = *self.labelling;
         let source = study.source(spec).map_err(|error| error.to_string())?;
-        self.program.prepared(source, &tools.searched).map_err(|failure| NoOutcome::Scene(failure.to_string()))
+        self.program.prepared(source, &tools.searched).map_err(|failure| failure.to_string().into())
     }
 }
 

@@ -94,7 +94,7 @@ impl<'a> Workbench<'a> {
                 self.tools.rollouts.keep(&key, &record)?;
                 Ok(Done::Record)
             }
-            Err(NoOutcome::Scene(reason)) => Ok(Done::NoLabel(reason)),
+            Err(NoOutcome::Scene(why)) => Ok(Done::NoLabel(why.to_string())),
             Err(NoOutcome::Stop(error)) => Err(EvaluationError::from(error).into()),
         }
     }

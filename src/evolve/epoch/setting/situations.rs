@@ -63,7 +63,7 @@ impl Situations {
         // A reason to stop is not kept: it is no property of the scene.
         let built = match around(prepared, &self.simulator, (ego, self.seed), backend) {
             Ok(situation) => Ok(Arc::new(situation)),
-            Err(NoOutcome::Scene(reason)) => Err(reason),
+            Err(NoOutcome::Scene(why)) => Err(why.to_string()),
             Err(stop) => return Err(stop),
         };
         Ok(known.map_or_else(|| built.clone(), |kept| kept.get_or_init(|| built.clone()).clone())?)

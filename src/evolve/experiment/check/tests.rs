@@ -1,6 +1,7 @@
 //! Every option of every table refuses what it cannot use, with its path, what was found and what is expected.
 
 use super::*;
+use crate::evaluation::DIAGNOSTICS;
 use crate::experiment::key::Range;
 use std::path::Path;
 
@@ -94,6 +95,10 @@ fn whole() -> Vec<Table> {
     driver.insert("blind".into(), true.into());
     own["split"].as_table_mut().unwrap().insert("plain_contacts".into(), "keep".into());
     own["evaluation"]["attack"].as_table_mut().unwrap().insert("when".into(), "contact_adversary".into());
+    let weights = own["evaluation"]["realism"]["weights"].as_table_mut().unwrap();
+    for of in DIAGNOSTICS {
+        weights.entry(of.name()).or_insert(0.1.into());
+    }
     let measured = toml::toml! { impact_speed = "contact_speed_mps" };
     own["evaluation"].as_table_mut().unwrap().insert("metrics".into(), measured.into());
     own["simulator"].as_table_mut().unwrap().extend(toml::toml! { at_fault = true

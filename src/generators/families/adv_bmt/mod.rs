@@ -33,9 +33,19 @@ const REJECTED: f64 = -1000.0;
 /// Score of a sample that the method would take but that leaves the road, less the metres.
 const OFF_ROAD: f64 = -500.0;
 
+const SEARCH_IN_WORDS: &str = "Nothing is optimised: 8 motions (`sample_count`) of one inserted body are grown backward from a \
+     collision imposed on the ego's undisturbed path at the window's end, and scored as drawn: 0, -1, .. -7; \
+     below -500 off the road, about -1000 for one that hardly moves or spins. `sample_score` is added (one \
+     unit is one place) or replaces the order of those not rejected. A `reshape` before the search is judged, \
+     but moves the body off the imposed meeting; no laws act; actor features and `log_way_share` are \
+     constants. Example: `-jerk_mps3_max / 2`: one 2 m/s^3 smoother overtakes one drawn a place before.";
+
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
-    Source::new(family()).actor(INSERTED_ACTOR, actor).operator(REVERSE_TOKENS, motion).operator(REJECTION, search)
+    Source::new(family(), SEARCH_IN_WORDS)
+        .actor(INSERTED_ACTOR, actor)
+        .operator(REVERSE_TOKENS, motion)
+        .operator(REJECTION, search)
 }
 
 /// The inserted road user.

@@ -39,9 +39,17 @@ pub const STEERED_ACTIONS: &str = "steered_actions";
 /// Search operator: Adam over all adversaries' actions.
 pub const KINEMATIC_DESCENT: &str = "kinematic_descent";
 
+const SEARCH_IN_WORDS: &str = "The search walks: Adam moves steering and throttle of 2 vehicles (`group_size`), 120 iterations, 20 after \
+     the first contact, with the ego simulated at each; at most 9 iterates, picked by its own loss, become \
+     candidates. They score 0 for contacts that an expert could avoid, -1000 for misses, -2000 for other \
+     contacts, less a loss squeezed below 400: mean metres to the ego, road, bystanders, 2 x implausibility. \
+     `iterate_loss` (smaller is better; added, or replacing the loss) ranks within a step of 1000 and steers \
+     nothing; `pursuer_weight` steers. A `reshape` before the search changes nothing. Example: \
+     `jerk_added_mps3 / 2` prefers smooth iterates.";
+
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
-    Source::new(family()).operator(STEERED_ACTIONS, motion).operator(KINEMATIC_DESCENT, search)
+    Source::new(family(), SEARCH_IN_WORDS).operator(STEERED_ACTIONS, motion).operator(KINEMATIC_DESCENT, search)
 }
 
 /// Contract, and the parent: KING for two adversaries, with the adaptations named above.

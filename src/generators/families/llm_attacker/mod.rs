@@ -29,6 +29,14 @@ use crate::stage::{AskCounsel, Asks, Part, Settings, Source, Stage, StageError};
 pub use deliberation::search;
 pub use words::{ATTACKER_POOL, ATTACKER_PRIOR, COUNSEL_RANK, DELIBERATION, NAME};
 
+const SEARCH_IN_WORDS: &str = "The search plays up to 4 attacks of up to 3 vehicles (`pool_size`) with 32 trajectories each, scored as \
+     log prior plus log contact (-5 to -1.5; below -1000 without): the leader's best, then, by why it failed, \
+     another trajectory or vehicle. The first contact, else the nearest, gets +10000, so no temperature \
+     matters. `attack_score` (added or replacing) orders a vehicle's own trajectories; `attacker_score` \
+     (pool's own: -0.5 to 2.5) orders vehicles, a place counting 0.5 against 2 for reach and `counsel_weight` \
+     4. A `reshape` before the search is played; behind it, the changed motion is untried. Example: \
+     `attack_score` `if(struck_by_ego, 2, 0)` tries those first.";
+
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
     let counsel = AskCounsel {
@@ -40,7 +48,7 @@ pub fn source() -> Source {
     let asks = Asks { counsel: Some(counsel), ..Asks::default() };
     Source {
         asks,
-        ..Source::new(family())
+        ..Source::new(family(), SEARCH_IN_WORDS)
             .actor(ATTACKER_POOL, pool)
             .operator(ATTACKER_PRIOR, motion)
             .operator(DELIBERATION, search)

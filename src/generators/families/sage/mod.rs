@@ -25,9 +25,16 @@ use crate::motion::motion_prior::{self, Goals, PriorOptions};
 use crate::stage::judged::Judged;
 use crate::stage::{Part, Settings, Source, Stage, StageError};
 
+const SEARCH_IN_WORDS: &str = "The search compares up to 32 trajectories (`kept_count`) that two mixed experts find most probable for \
+     one vehicle; no score brings in others. Ranked is w x danger - (1 - w) x penalty - 50 off the road - 10 \
+     through a bystander, w 0.5: danger is 10 (1 - t/T) for a predicted contact at t of T, else at most 1, the \
+     penalty 2.1 straight on: contacts score -1 to 4, a second earlier is worth 0.6. `preference_score` is \
+     added or replaces all, the -50 too. A `reshape` before the search is judged. Example: `if(struck_by_ego, \
+     3, 0) - wrong_way_m / 10` prefers contacts that the ego causes.";
+
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
-    Source::new(family()).operator(MIXED_EXPERTS, motion).operator(PREFERENCE_REWARD, search)
+    Source::new(family(), SEARCH_IN_WORDS).operator(MIXED_EXPERTS, motion).operator(PREFERENCE_REWARD, search)
 }
 
 /// What the mixed expert thinks likely: every goal of the reference prior is scored by it before goals that lie close

@@ -41,9 +41,17 @@ pub const LATENT_MOTION: &str = "latent_motion";
 /// Search operator: Adam over latents, then the solution pass.
 pub const LATENT_DESCENT: &str = "latent_descent";
 
+const SEARCH_IN_WORDS: &str = "The search walks: Adam moves latents (0 is the log) of 3 vehicles (`group_size`), 200 iterations, 30 \
+     after the first contact, with the ego simulated at each; at most 9 iterates, picked by its own loss, \
+     become candidates. Contacts score 0 less the loss without its crash term, misses -1000 less all of it, \
+     each with 2 x implausibility, squeezed below 400; contacts without a way out are dropped. `latent_score` \
+     (larger is better; added, or replacing the loss) ranks within a step of 1000 and steers nothing; \
+     `attacker_weight` steers. A `reshape` before the search changes nothing. Example: `-jerk_added_mps3 / 5` \
+     prefers smooth iterates.";
+
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
-    Source::new(family()).operator(LATENT_MOTION, motion).operator(LATENT_DESCENT, search)
+    Source::new(family(), SEARCH_IN_WORDS).operator(LATENT_MOTION, motion).operator(LATENT_DESCENT, search)
 }
 
 /// Contract, and the parent: STRIVE's rule-based configuration for three vehicles, with the adaptations named above.

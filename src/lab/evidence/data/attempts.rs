@@ -21,7 +21,7 @@ impl Row<'_> {
         match &self.attempt.exit {
             Exit::Declined { reason } => Some(reason.clone()),
             Exit::Invalid { gates } => gates.failed().next().map(|verdict| joined(verdict.problems.iter().take(1))),
-            Exit::Rejected { route, .. } => Some(route.reason.clone()),
+            Exit::Rejected { route, .. } => Some(route.reason.clone().into()),
             Exit::Evaluated { .. } => None,
         }
     }

@@ -811,7 +811,7 @@ pub(in crate::evidence) fn simulated(routed: RouteDecision, accepted: bool, atta
     let predicted = Objectives { attack: 0.0, realism: 1.0 };
     let route = Route {
         decision: routed,
-        reason: String::new(),
+        reason: String::new().into(),
         snapshot: any,
         predicted,
         uncertainty: 0.0,

@@ -1,13 +1,13 @@
 //! Bounded acceleration: how far the level of the filtered acceleration, along and across together, exceeds what is
 //! known of traffic, m/s².
 
-use super::limits::Limits;
-use crate::sim::AdversaryReport;
+use super::diagnostic::{Counts, Diagnostic, Measure, Quantity, WEIGHT, quantity};
 
-/// Its name in weights, scores and tables.
-pub const NAME: &str = "bounded_acceleration";
-
-/// 1 within the limit, 0 one tolerance beyond it.
-pub fn diagnostic(report: &AdversaryReport, limits: &Limits) -> f64 {
-    limits.acceleration_mps2.diagnostic(report, |motion| motion.acceleration_mps2)
-}
+pub(super) const ROW: Diagnostic = Diagnostic {
+    key: "evaluation.realism.weights.bounded_acceleration",
+    counts: Counts::Always,
+    weight: WEIGHT,
+    meaning: "largest acceleration or braking along its heading, m/s^2",
+    short: "along its heading, either sign, m/s^2",
+    measure: Measure::Soft(&[quantity!(acceleration_mps2)]),
+};

@@ -4,16 +4,13 @@
 //! - a step that the step before it does not explain (a teleport, whatever the velocity says);
 //! - jitter that the filter of the derivatives takes away, so that nothing can be hidden from it above its cut-off.
 
-use super::limits::Limits;
-use crate::sim::AdversaryReport;
+use super::diagnostic::{Counts, Diagnostic, Measure, Quantity, WEIGHT, quantity};
 
-/// Its name in weights, scores and tables.
-pub const NAME: &str = "trajectory_continuity";
-
-/// The smallest of the three, each 1 within its limit and 0 one tolerance beyond it.
-pub fn diagnostic(report: &AdversaryReport, limits: &Limits) -> f64 {
-    let jump = limits.jump_m.diagnostic(report, |motion| motion.jump_m);
-    let kink = limits.kink_m.diagnostic(report, |motion| motion.kink_m);
-    let roughness = limits.roughness_m.diagnostic(report, |motion| motion.roughness_m);
-    jump.min(kink).min(roughness)
-}
+pub(super) const ROW: Diagnostic = Diagnostic {
+    key: "evaluation.realism.weights.trajectory_continuity",
+    counts: Counts::Always,
+    weight: WEIGHT,
+    meaning: "the worst of jumps, kinks and roughness of its places, m",
+    short: "worst of its places' jumps, kinks, roughness, m",
+    measure: Measure::Soft(&[quantity!(jump_m), quantity!(kink_m), quantity!(roughness_m)]),
+};

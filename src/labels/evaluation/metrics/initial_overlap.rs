@@ -1,11 +1,12 @@
 //! Initial non-overlap: the adversary overlaps nobody when the intervention begins. Binary.
 
-use crate::sim::AdversaryReport;
+use super::diagnostic::{Counts, Diagnostic, Measure, WEIGHT};
 
-/// Its name in weights, scores and tables.
-pub const NAME: &str = "initial_non_overlap";
-
-/// 1 or 0.
-pub fn diagnostic(report: &AdversaryReport) -> f64 {
-    if report.initial_overlap { 0.0 } else { 1.0 }
-}
+pub(super) const ROW: Diagnostic = Diagnostic {
+    key: "evaluation.realism.weights.initial_non_overlap",
+    counts: Counts::Always,
+    weight: WEIGHT,
+    meaning: "1 unless it overlaps somebody when it is first moved",
+    short: "1 unless it overlaps somebody when first moved",
+    measure: Measure::Of(|report| if report.initial_overlap { 0.0 } else { 1.0 }),
+};

@@ -1,12 +1,12 @@
 //! Bounded jerk: how far the level of the filtered jerk exceeds what is known of traffic, m/s³.
 
-use super::limits::Limits;
-use crate::sim::AdversaryReport;
+use super::diagnostic::{Counts, Diagnostic, Measure, Quantity, WEIGHT, quantity};
 
-/// Its name in weights, scores and tables.
-pub const NAME: &str = "bounded_jerk";
-
-/// 1 within the limit, 0 one tolerance beyond it.
-pub fn diagnostic(report: &AdversaryReport, limits: &Limits) -> f64 {
-    limits.jerk_mps3.diagnostic(report, |motion| motion.jerk_mps3)
-}
+pub(super) const ROW: Diagnostic = Diagnostic {
+    key: "evaluation.realism.weights.bounded_jerk",
+    counts: Counts::Always,
+    weight: WEIGHT,
+    meaning: "jerk: largest change of acceleration, m/s^3",
+    short: "change of acceleration, m/s^3",
+    measure: Measure::Soft(&[quantity!(jerk_mps3)]),
+};

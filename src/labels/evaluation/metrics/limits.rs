@@ -3,10 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::soft::soft;
 use crate::kernel::{Digest, canon::CanonError};
 use crate::scene::AgentKind;
-use crate::sim::{AdversaryReport, Feasibility, WithRecording};
 
 /// Bound and tolerance of one quantity, both in its unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,22 +14,6 @@ pub struct Limit {
     pub bound: f64,
     /// ρ_j: the excess over the bound at which the diagnostic is 0.
     pub tolerance: f64,
-}
-
-impl Limit {
-    /// d_j of the excess over the bound and over the adversary's own recording, whichever is larger.
-    pub fn diagnostic(&self, report: &AdversaryReport, of: impl Fn(&Feasibility) -> f64) -> f64 {
-        self.beyond(of(&report.simulated), report.recorded.as_ref().map(of))
-    }
-
-    /// The same of an account that not every outcome has; 1 where it was not asked for.
-    pub fn of_account<T>(&self, found: &Option<WithRecording<T>>, of: impl Fn(&T) -> f64) -> f64 {
-        found.as_ref().map_or(1.0, |found| self.beyond(of(&found.simulated), found.recorded.as_ref().map(of)))
-    }
-
-    fn beyond(&self, simulated: f64, recorded: Option<f64>) -> f64 {
-        soft(simulated - self.bound.max(recorded.unwrap_or(0.0)), self.tolerance)
-    }
 }
 
 /// Limits of one kind of road user.
@@ -69,18 +51,15 @@ pub struct Limits {
 impl Limits {
     /// All of them with their names, in the order of the fields.
     pub fn by_name(&self) -> Vec<(&'static str, Limit)> {
-        let of_kind = [("unrolled_m", self.unrolled_m), ("speed_mps", self.speed_mps)];
-        let always = [
-            ("off_road_m", self.off_road_m),
-            ("wrong_way_m", self.wrong_way_m),
-            ("acceleration_mps2", self.acceleration_mps2),
-            ("jerk_mps3", self.jerk_mps3),
-            ("slip_mps", self.slip_mps),
-            ("jump_m", self.jump_m),
-            ("kink_m", self.kink_m),
-            ("roughness_m", self.roughness_m),
-        ];
-        always.into_iter().chain(of_kind.into_iter().filter_map(|(name, limit)| Some((name, limit?)))).collect()
+        // The pattern has no `..`, so that no limit is left out.
+        macro_rules! named {
+            ($($name:ident)*) => {{
+                let Limits { road_users: _, pooled: _, $($name),* } = *self;
+                [$((stringify!($name), Option::<Limit>::from($name))),*]
+            }};
+        }
+        let all = named!(off_road_m wrong_way_m acceleration_mps2 jerk_mps3 slip_mps jump_m kink_m roughness_m unrolled_m speed_mps);
+        all.into_iter().filter_map(|(name, limit)| Some((name, limit?))).collect()
     }
 }
 

@@ -1,12 +1,12 @@
 //! Map and lane validity: how far a corner of the adversary's box leaves the drivable area, metres.
 
-use super::limits::Limits;
-use crate::sim::AdversaryReport;
+use super::diagnostic::{Counts, Diagnostic, Measure, Quantity, WEIGHT, quantity};
 
-/// Its name in weights, scores and tables.
-pub const NAME: &str = "map_validity";
-
-/// 1 within the limit, 0 one tolerance beyond it.
-pub fn diagnostic(report: &AdversaryReport, limits: &Limits) -> f64 {
-    limits.off_road_m.diagnostic(report, |motion| motion.off_road_m)
-}
+pub(super) const ROW: Diagnostic = Diagnostic {
+    key: "evaluation.realism.weights.map_validity",
+    counts: Counts::Always,
+    weight: WEIGHT,
+    meaning: "how far a corner of its box leaves the lanes, m",
+    short: "a corner of its box off the lanes, m",
+    measure: Measure::Soft(&[quantity!(off_road_m)]),
+};

@@ -1,29 +1,31 @@
 //! One file a metric. All read an [`Outcome`](crate::sim::Outcome) and options of the experiment file, nothing else.
 
-pub mod acceleration;
+mod acceleration;
 pub mod attack;
-pub mod collision_validity;
-pub mod continuity;
-pub mod initial_overlap;
-pub mod jerk;
+mod collision_validity;
+mod continuity;
+pub mod diagnostic;
+mod initial_overlap;
+mod jerk;
 pub mod limits;
-pub mod map;
+mod map;
 pub mod outcome_formula;
-pub mod parked;
+mod parked;
 pub mod place_of_kind;
 pub mod realism;
 pub mod rolling;
-pub mod route_completion;
+mod route_completion;
 pub mod safebench;
-pub mod slip;
+mod slip;
 pub mod soft;
-pub mod speed_of_kind;
-pub mod wrong_way;
+mod speed_of_kind;
+mod wrong_way;
 
 pub use attack::{AT_FAULT, AttackOptions, AttackOptionsError, PublishedReadings};
+pub use diagnostic::{Counts, Diagnostic, Measure, Quantity};
 pub use limits::{Calibration, Limit, Limits};
 pub use outcome_formula::{OutcomeFormula, outcome_fields};
-pub use realism::{OptionsError, RealismOptions, Weights};
+pub use realism::{DIAGNOSTICS, OptionsError, RealismOptions, Weights};
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -1,11 +1,12 @@
 //! Parked obstacles: the adversary drives through nothing that stands all through the recording. Binary.
 
-use crate::sim::AdversaryReport;
+use super::diagnostic::{Counts, Diagnostic, Measure, WEIGHT};
 
-/// Its name in weights, scores and tables.
-pub const NAME: &str = "parked_obstacles";
-
-/// 1 or 0.
-pub fn diagnostic(report: &AdversaryReport) -> f64 {
-    if report.struck_parked { 0.0 } else { 1.0 }
-}
+pub(super) const ROW: Diagnostic = Diagnostic {
+    key: "evaluation.realism.weights.parked_obstacles",
+    counts: Counts::Always,
+    weight: WEIGHT,
+    meaning: "1 unless it touches something that stands",
+    short: "1 unless it touches what stands",
+    measure: Measure::Of(|report| if report.struck_parked { 0.0 } else { 1.0 }),
+};

@@ -2,10 +2,11 @@
 //! The paper names the diagnostics, not their weights and tolerances: weights come from the experiment file, tolerances
 //! from a calibration on recorded traffic that the file names.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use std::collections::BTreeMap;
 
-use super::limits::{Calibration, Limit, Limits};
+use super::diagnostic::{Counts, Diagnostic};
+use super::limits::{Calibration, Limits};
 use super::{
     acceleration, collision_validity, continuity, initial_overlap, jerk, map, parked, place_of_kind, rolling,
     route_completion, slip, speed_of_kind, wrong_way,
@@ -14,43 +15,48 @@ use crate::kernel::num;
 use crate::objects::{RealismMean, is_unsaid, is_yes, yes};
 use crate::sim::{AdversaryReport, Outcome};
 
-/// w_j, shares of one.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Weights {
-    /// Of leaving the drivable area.
-    pub map_validity: f64,
-    /// Of driving against lanes.
-    pub lane_direction: f64,
-    /// Of the recorded way that is not driven.
-    pub route_completion: f64,
-    /// Of overlapping somebody at the beginning.
-    pub initial_non_overlap: f64,
-    /// Of touching somebody who moves, the ego aside.
-    pub collision_validity: f64,
-    /// Of driving through what stands.
-    pub parked_obstacles: f64,
-    /// Of places that make no one motion.
-    pub trajectory_continuity: f64,
-    /// Of accelerations beyond those of recorded traffic.
-    pub bounded_acceleration: f64,
-    /// Of jerks beyond those of recorded traffic.
-    pub bounded_jerk: f64,
-    /// Of sliding sideways.
-    pub bounded_slip: f64,
-    /// Of going where wheels do not take it; absent, the diagnostic is not there.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rolling: Option<f64>,
-    /// Of being faster than its kind; likewise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub speed_of_kind: Option<f64>,
-    /// Of being where its kind does not belong; likewise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub place_of_kind: Option<f64>,
+/// Every diagnostic, in the order in which weights are written.
+pub const DIAGNOSTICS: [&Diagnostic; 13] = [
+    &map::ROW,
+    &wrong_way::ROW,
+    &route_completion::ROW,
+    &initial_overlap::ROW,
+    &collision_validity::ROW,
+    &parked::ROW,
+    &continuity::ROW,
+    &acceleration::ROW,
+    &jerk::ROW,
+    &slip::ROW,
+    &rolling::ROW,
+    &speed_of_kind::ROW,
+    &place_of_kind::ROW,
+];
+
+/// w_j by name, shares of one.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "BTreeMap<String, f64>")]
+pub struct Weights(BTreeMap<String, f64>);
+
+impl TryFrom<BTreeMap<String, f64>> for Weights {
+    type Error = String;
+
+    fn try_from(weights: BTreeMap<String, f64>) -> Result<Weights, String> {
+        let missing = |of: &&&Diagnostic| of.counts == Counts::Always && !weights.contains_key(of.name());
+        if let Some(of) = DIAGNOSTICS.iter().find(missing) {
+            return Err(format!("missing field `{}`", of.name()));
+        }
+        match weights.keys().find(|name| DIAGNOSTICS.iter().all(|of| of.name() != *name)) {
+            Some(name) => Err(format!("unknown field `{name}`")),
+            None => Ok(Weights(weights)),
+        }
+    }
 }
 
-/// d_j of one adversary by the limits of its kind.
-type Diagnostic = fn(&AdversaryReport, &Limits) -> f64;
+impl Serialize for Weights {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(DIAGNOSTICS.iter().filter_map(|of| self.0.get_key_value(of.name())))
+    }
+}
 
 /// What realism rests on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -81,40 +87,20 @@ pub struct OptionsError {
 }
 
 impl RealismOptions {
-    /// The diagnostics with their w_j, in name order: ten, and those of kinds and places where they are asked for.
-    fn diagnostics(&self) -> impl Iterator<Item = (&'static str, f64, Diagnostic)> {
-        let of = &self.weights;
-        let all: [(&'static str, Option<f64>, Diagnostic); 13] = [
-            (acceleration::NAME, Some(of.bounded_acceleration), acceleration::diagnostic),
-            (jerk::NAME, Some(of.bounded_jerk), jerk::diagnostic),
-            (slip::NAME, Some(of.bounded_slip), slip::diagnostic),
-            (collision_validity::NAME, Some(of.collision_validity), |of, _| collision_validity::diagnostic(of)),
-            (initial_overlap::NAME, Some(of.initial_non_overlap), |of, _| initial_overlap::diagnostic(of)),
-            (wrong_way::NAME, Some(of.lane_direction), wrong_way::diagnostic),
-            (map::NAME, Some(of.map_validity), map::diagnostic),
-            (parked::NAME, Some(of.parked_obstacles), |of, _| parked::diagnostic(of)),
-            (place_of_kind::NAME, of.place_of_kind, |of, _| place_of_kind::diagnostic(of)),
-            (rolling::NAME, of.rolling, rolling::diagnostic),
-            (route_completion::NAME, Some(of.route_completion), |of, _| route_completion::diagnostic(of)),
-            (speed_of_kind::NAME, of.speed_of_kind, speed_of_kind::diagnostic),
-            (continuity::NAME, Some(of.trajectory_continuity), continuity::diagnostic),
-        ];
-        all.into_iter().filter_map(|(name, weight, diagnostic)| Some((name, weight?, diagnostic)))
+    /// The diagnostics that count with their w_j, in name order.
+    pub fn diagnostics(&self) -> impl Iterator<Item = (&'static Diagnostic, f64)> {
+        let row = |name: &String| DIAGNOSTICS.into_iter().find(|of| of.name() == name);
+        self.weights.0.iter().filter_map(move |(name, weight)| Some((row(name)?, *weight)))
     }
 
     /// w_j with their names, in name order.
     pub fn weights(&self) -> Vec<(&'static str, f64)> {
-        self.diagnostics().map(|(name, weight, _)| (name, weight)).collect()
+        self.diagnostics().map(|(of, weight)| (of.name(), weight)).collect()
     }
 
-    /// Whether a diagnostic counts that needs `simulator.of_kind`.
-    pub fn asks_of_kind(&self) -> bool {
-        self.weights.rolling.is_some() || self.weights.speed_of_kind.is_some()
-    }
-
-    /// Whether a diagnostic counts that needs `simulator.of_place`.
-    pub fn asks_of_place(&self) -> bool {
-        self.weights.place_of_kind.is_some()
+    /// Names of those that count in this way.
+    pub fn counting(&self, counts: Counts) -> Vec<&'static str> {
+        self.diagnostics().filter(|(of, _)| of.counts == counts).map(|(of, _)| of.name()).collect()
     }
 
     /// Weights must be shares of one, tolerances positive, bounds no less than zero.
@@ -136,17 +122,12 @@ impl RealismOptions {
                 }
             }
         }
-        let unbounded = |limit: fn(&Limits) -> Option<Limit>| {
-            self.calibration.by_kind().into_iter().find(|(_, limits)| limit(limits).is_none()).map(|(kind, _)| kind)
-        };
-        for (weight, name, limit) in [
-            (self.weights.rolling, "unrolled_m", (|of| of.unrolled_m) as fn(&Limits) -> Option<Limit>),
-            (self.weights.speed_of_kind, "speed_mps", |of| of.speed_mps),
-        ] {
-            if let (Some(_), Some(kind)) = (weight, unbounded(limit)) {
+        for quantity in self.diagnostics().flat_map(|(of, _)| of.quantities()) {
+            let unbounded = |(_, limits): &(&str, &Limits)| (quantity.limit)(limits).is_none();
+            if let Some((kind, _)) = self.calibration.by_kind().into_iter().find(unbounded) {
                 let expected =
                     "a bound and a tolerance; name evodrive:kinds, or a file of `evodrive calibrate --of-kind`";
-                return wrong(format!("calibration.{kind}.{name}"), "missing".into(), expected);
+                return wrong(format!("calibration.{kind}.{}", quantity.name), "missing".into(), expected);
             }
         }
         let total = num::sum(self.weights().into_iter().map(|(_, weight)| weight));
@@ -169,11 +150,11 @@ pub fn realism_of(reports: &[AdversaryReport], options: &RealismOptions) -> (BTr
         let bare = (!options.excuses_recordings).then(|| report.without_recording());
         let report = bare.as_ref().unwrap_or(report);
         let limits = options.calibration.of(report.kind);
-        let of_report = diagnostics.iter().map(|(_, _, diagnostic)| diagnostic(report, limits));
+        let of_report = diagnostics.iter().map(|(of, _)| of.value(report, limits));
         worst.iter_mut().zip(of_report).for_each(|(so_far, value)| *so_far = so_far.min(value));
     }
-    let missing = num::sum(diagnostics.iter().zip(&worst).map(|((_, weight, _), d)| weight * (1.0 - d)));
-    let named = diagnostics.iter().zip(worst).map(|((name, ..), d)| (name.to_string(), d)).collect();
+    let missing = num::sum(diagnostics.iter().zip(&worst).map(|((_, weight), d)| weight * (1.0 - d)));
+    let named = diagnostics.iter().zip(worst).map(|((of, _), d)| (of.name().to_string(), d)).collect();
     // The last bit of rounding is clamped away.
     (named, (1.0 - missing).clamp(0.0, 1.0))
 }

@@ -1,13 +1,14 @@
 //! Rolling: how far the adversary goes where wheels do not take it, metres: a standing car that slides aside, a turn on the spot.
 //! `bounded_slip` sees the speed of a slide, which may be slow; this sees where it ends. Of someone on foot nothing is asked.
 
-use super::limits::Limits;
-use crate::sim::AdversaryReport;
+use super::diagnostic::{Counts, Diagnostic, Measure, Quantity, quantity};
 
-/// Its name in weights, scores and tables.
-pub const NAME: &str = "rolling";
-
-/// 1 within the limit, 0 one tolerance beyond it.
-pub fn diagnostic(report: &AdversaryReport, limits: &Limits) -> f64 {
-    limits.unrolled_m.map_or(1.0, |limit| limit.of_account(&report.of_kind, |motion| motion.unrolled_m))
-}
+/// The row.
+pub const ROW: Diagnostic = Diagnostic {
+    key: "evaluation.realism.weights.rolling",
+    counts: Counts::OfKind,
+    weight: "Weight of a slide or a turn on the spot; needs `simulator.of_kind` and such a calibration.",
+    meaning: "how far it goes where wheels do not take it, m: a slide, a turn on the spot",
+    short: "way where wheels do not take it, m: a slide, a turn on the spot",
+    measure: Measure::Soft(&[quantity!(of_kind.unrolled_m, |of| of.unrolled_m)]),
+};

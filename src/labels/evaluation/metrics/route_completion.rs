@@ -3,13 +3,15 @@
 //! completion among the checks without a formula; the recorded way is the only route that is known of another road user.
 //! One without such a way, as an inserted one, completes it.
 
+use super::diagnostic::{Counts, Diagnostic, Measure, WEIGHT};
 use super::soft::soft;
-use crate::sim::AdversaryReport;
 
-/// Its name in weights, scores and tables.
-pub const NAME: &str = "route_completion";
-
-/// Violation `1 - completion` with tolerance 1.
-pub fn diagnostic(report: &AdversaryReport) -> f64 {
-    report.route_completion.map_or(1.0, |share| soft(1.0 - share, 1.0))
-}
+pub(super) const ROW: Diagnostic = Diagnostic {
+    key: "evaluation.realism.weights.route_completion",
+    counts: Counts::Always,
+    weight: WEIGHT,
+    meaning: "share of its own recorded way that it drove by then",
+    short: "driven share of its recorded way",
+    // Violation `1 - completion` with tolerance 1.
+    measure: Measure::Of(|report| report.route_completion.map_or(1.0, |share| soft(1.0 - share, 1.0))),
+};

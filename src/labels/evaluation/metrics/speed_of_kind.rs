@@ -1,13 +1,13 @@
 //! Speed of its kind: how fast the adversary is beyond what road users of its kind are, m/s. A car's motion with a pedestrian's box is
 //! no pedestrian.
 
-use super::limits::Limits;
-use crate::sim::AdversaryReport;
+use super::diagnostic::{Counts, Diagnostic, Measure, Quantity, quantity};
 
-/// Its name in weights, scores and tables.
-pub const NAME: &str = "speed_of_kind";
-
-/// 1 within the limit, 0 one tolerance beyond it.
-pub fn diagnostic(report: &AdversaryReport, limits: &Limits) -> f64 {
-    limits.speed_mps.map_or(1.0, |limit| limit.of_account(&report.of_kind, |motion| motion.speed_mps))
-}
+pub(super) const ROW: Diagnostic = Diagnostic {
+    key: "evaluation.realism.weights.speed_of_kind",
+    counts: Counts::OfKind,
+    weight: "Weight of being faster than one's kind; likewise.",
+    meaning: "its speed, by the bound of its kind of road user, m/s",
+    short: "bound of its kind of road user, m/s",
+    measure: Measure::Soft(&[quantity!(of_kind.speed_mps, |of| of.speed_mps)]),
+};

@@ -1,12 +1,12 @@
 //! Lane direction: metres that the adversary drives against the direction of every lane below it.
 
-use super::limits::Limits;
-use crate::sim::AdversaryReport;
+use super::diagnostic::{Counts, Diagnostic, Measure, Quantity, WEIGHT, quantity};
 
-/// Its name in weights, scores and tables.
-pub const NAME: &str = "lane_direction";
-
-/// 1 within the limit, 0 one tolerance beyond it.
-pub fn diagnostic(report: &AdversaryReport, limits: &Limits) -> f64 {
-    limits.wrong_way_m.diagnostic(report, |motion| motion.wrong_way_m)
-}
+pub(super) const ROW: Diagnostic = Diagnostic {
+    key: "evaluation.realism.weights.lane_direction",
+    counts: Counts::Always,
+    weight: WEIGHT,
+    meaning: "way driven against the lanes, m",
+    short: "driven against the lanes, m",
+    measure: Measure::Soft(&[quantity!(wrong_way_m)]),
+};

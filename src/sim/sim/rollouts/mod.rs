@@ -17,6 +17,7 @@ mod reported_tests;
 mod retraced;
 pub mod rollout;
 pub(super) mod rules;
+mod undriven;
 
 pub use episode::Episode;
 pub use fault_of::fault_of;
@@ -32,3 +33,4 @@ pub use rollout::{
     contact_within, ending, rollout, rollout_assessed, rollout_counted, rollout_explained, rollout_in_parts,
     rollout_traced,
 };
+pub use undriven::Undriven;

@@ -1,9 +1,11 @@
-//! Keeps docs/PAPER.md true: every place that it names exists, and every row has a verdict and says why it differs.
+//! Keeps two pages true: every place that docs/PAPER.md and docs/EXTENDING.md name exists, and every row of the first has a verdict and
+//! says why it differs.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Words that stand before the name of an item.
-const ITEMS: [&str; 5] = ["fn", "struct", "enum", "const", "trait"];
+const ITEMS: [&str; 7] = ["fn", "struct", "enum", "const", "trait", "type", "mod"];
 
 /// The items that a file defines.
 fn defined(text: &str) -> Vec<&str> {
@@ -98,4 +100,35 @@ fn the_page_names_every_rule_that_the_papers_protocol_switches_and_no_key_that_t
     let rules = set(&protocol, "").into_iter().filter(|key| !values.iter().any(|value| key.starts_with(value)));
     let unnamed: Vec<String> = rules.filter(|key| !page.contains(&format!("`{key}`"))).collect();
     assert_eq!(unnamed, Vec::<String>::new(), "rules of published.toml that docs/PAPER.md does not name");
+}
+
+/// Names between backquotes of a page, outside its blocks, that lead nowhere: paths without a file, names with `::` whose last two parts no
+/// source has together, and names with a capital letter that no source has.
+fn unknown<'p>(page: &'p str, sources: &[(String, String)]) -> Vec<&'p str> {
+    let is_word = |c: char| c.is_alphanumeric() || c == '_';
+    let words = |text: &'_ str| text.split(|c| !is_word(c)).map(String::from).collect::<BTreeSet<String>>();
+    let files: Vec<_> = sources.iter().map(|(path, text)| (words(path), defined(text), words(text))).collect();
+    let is_known = |span: &&str| {
+        let name = span.split(|c| !is_word(c) && c != ':').next().unwrap_or_default();
+        match name.split("::").collect::<Vec<_>>()[..] {
+            _ if span.contains('/') && !span.contains(' ') => Path::new(env!("CARGO_MANIFEST_DIR")).join(span).exists(),
+            // An item in its module's files, a variant or function in the file of its type.
+            [.., of, name] => files
+                .iter()
+                .any(|(path, defined, words)| (path.contains(of) || defined.contains(&of)) && words.contains(name)),
+            [name] if name.starts_with(char::is_uppercase) => files.iter().any(|(_, _, words)| words.contains(name)),
+            _ => true,
+        }
+    };
+    let prose = page.split("```").step_by(2).flat_map(|text| text.split('`').skip(1).step_by(2));
+    prose.filter(|span| !is_known(span)).collect()
+}
+
+#[test]
+fn every_place_that_the_page_on_extending_names_exists() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/EXTENDING.md");
+    let (page, sources) = (std::fs::read_to_string(page).expect("docs/EXTENDING.md"), crate::sources());
+    assert_eq!(unknown(&page, &sources), Vec::<&str>::new());
+    let gone = "`src/sim/ego/policies.rs`, `ego::Policies`, `Control::FollowNobody`, `Weightings`, `view`, `src/sim/ego/policy.rs`";
+    assert_eq!(unknown(gone, &sources).len(), 4);
 }

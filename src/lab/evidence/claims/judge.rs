@@ -195,7 +195,8 @@ pub fn judge(
 /// Under which rules a run's programs were judged; `None` where its experiment is not at hand.
 fn rules(run: &RecordedRun) -> Option<String> {
     let of = run.declared.archive.as_ref()?;
-    let (all, plain) = (of.front == FrontOf::Evaluated, run.realism_name() == realism_name(false, RealismMean::Plain));
+    let theirs = [false, true].map(|safebench| realism_name(safebench, RealismMean::Plain));
+    let (all, plain) = (of.front == FrontOf::Evaluated, theirs.contains(&run.realism_name()));
     let published = all && plain && of.race.is_none() && of.level <= 0.5 && of.coverage_floor <= 0.0;
     let whose = if published { "the paper's rules" } else { "our rules" };
     let race = of.race.map_or("no race".to_string(), |level| format!("race {level}"));

@@ -37,12 +37,12 @@ fn all_tables(runs: &[RecordedRun]) -> Vec<Table> {
 fn every_number_comes_from_its_parts(runs: &[RecordedRun]) -> usize {
     let mut cells = 0;
     for table in all_tables(runs) {
-        let bases = Derivations::of(&table, runs).unwrap();
+        let bases = Derivations::of(runs);
         for row in table.rows() {
             for cell in &row.cells {
                 let name = cell::cell_name(&table, row, &cell.column);
                 let Some(ours) = cell.ours else { continue };
-                let basis = bases.basis(&table, row, cell.column.key).unwrap_or_else(|| panic!("{name}: no basis"));
+                let basis = row.derivation(cell.column.key, &bases).unwrap_or_else(|| panic!("{name}: no basis"));
                 let value = basis.value().unwrap_or_else(|| panic!("{name}: its parts give no number"));
                 let print = |value| cell.column.form.number(value);
                 assert_eq!(print(value), print(ours.value), "{name}: {}", basis.formula);
@@ -257,10 +257,10 @@ fn leaves(recorded_run: &RecordedRun) -> Leaves {
     let runs = std::slice::from_ref(recorded_run);
     let mut found = Leaves::new();
     for table in all_tables(runs) {
-        let bases = Derivations::of(&table, runs).unwrap();
+        let bases = Derivations::of(runs);
         for row in table.rows() {
             for cell in row.cells.iter().filter(|cell| cell.ours.is_some()) {
-                let basis = bases.basis(&table, row, cell.column.key).unwrap();
+                let basis = row.derivation(cell.column.key, &bases).unwrap();
                 let mut bits = Vec::new();
                 for (part, leaf) in basis.all().into_iter().flat_map(|basis| basis.leaves()) {
                     match leaf.value {
@@ -392,7 +392,7 @@ fn trial(number: usize) -> (usize, usize) {
     let known = impact::things(std::slice::from_ref(&before), &[]);
     let (_, things) = impact::find(&known, &nudged.record.to_hex()).unwrap();
     let runs = std::slice::from_ref(&before);
-    let named = impact::impact(&all_tables(runs), runs, things).unwrap();
+    let named = impact::impact(&all_tables(runs), runs, things);
     let reads =
         |of: &&impact::Touched| of.how == How::Reads && of.numbers.iter().any(|number| nudged.moved.contains(number));
     let expected: BTreeSet<String> = named.iter().filter(reads).map(|cell| cell.cell.clone()).collect();

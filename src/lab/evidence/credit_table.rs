@@ -101,7 +101,7 @@ fn row(run: &RecordedRun, labels: Vec<String>, gains: [&Result<Gain, String>; 3]
         key: RowKey::Elsewhere,
         lineages: vec![labels[0].clone()],
         labels,
-        cells: Cell::row(&COLUMNS, &numbers, None),
+        cells: Cell::row(&COLUMNS, &numbers),
         counts: vec![scenes],
         proposals: proposers(run),
         notes: Vec::new(),

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 use super::cell::cell_name;
 use super::recorded_run::RecordedRun;
-use super::tables::{Derivation, Derivations, Leaf, Repetition, Table, TableError};
+use super::tables::{Derivation, Derivations, Leaf, Repetition, Table};
 use crate::kernel::Digest;
 use crate::objects::{AttemptId, Exchange, LineageId, SceneScore, SolutionId};
 
@@ -172,13 +172,12 @@ pub fn listed(things: &BTreeSet<Met>) -> String {
 }
 
 /// The cells of these tables that rest on the object, each once, by what holds it fastest.
-pub fn impact(tables: &[Table], runs: &[RecordedRun], things: &BTreeSet<Met>) -> Result<Vec<Touched>, TableError> {
-    let mut touched = Vec::new();
+pub fn impact(tables: &[Table], runs: &[RecordedRun], things: &BTreeSet<Met>) -> Vec<Touched> {
+    let (mut touched, bases) = (Vec::new(), Derivations::of(runs));
     for table in tables {
-        let bases = Derivations::of(table, runs)?;
         for row in table.rows() {
             for cell in row.cells.iter().filter(|cell| cell.ours.is_some()) {
-                let Some(basis) = bases.basis(table, row, cell.column.key) else { continue };
+                let Some(basis) = cell.source.derivation(&bases, &row.key) else { continue };
                 let rests = Rests { runs, bases: &bases, basis: &basis };
                 if let Some((how, through, numbers)) = things.iter().filter_map(|thing| rests.on(thing)).min() {
                     let printed = cell.ours.map_or(String::new(), |ours| cell.column.form.number(ours.value));
@@ -187,19 +186,19 @@ pub fn impact(tables: &[Table], runs: &[RecordedRun], things: &BTreeSet<Met>) ->
             }
         }
     }
-    Ok(touched)
+    touched
 }
 
 /// One cell's basis, asked what it rests on.
-struct Rests<'a> {
+struct Rests<'a, 's> {
     runs: &'a [RecordedRun],
-    bases: &'a Derivations<'a>,
+    bases: &'a Derivations<'s>,
     basis: &'a Derivation,
 }
 
 type Found = (How, String, Vec<&'static str>);
 
-impl Rests<'_> {
+impl Rests<'_, '_> {
     fn on(&self, (run, thing): &Met) -> Option<Found> {
         match thing {
             RunObject::Whole(what) => {

@@ -31,17 +31,17 @@ pub struct Places {
 }
 
 /// A cell with all that it rests on.
-pub struct Why<'a> {
+pub struct Why<'a, 's> {
     pub table: &'a Table,
     pub named: &'a Named<'a>,
     pub basis: &'a Derivation,
-    pub bases: &'a Derivations<'a>,
+    pub bases: &'a Derivations<'s>,
     pub recorded_runs: &'a [RecordedRun],
     /// One a run.
     pub places: &'a [Places],
 }
 
-impl Why<'_> {
+impl Why<'_, '_> {
     fn name(&self) -> String {
         cell_name(self.table, self.named.row, &self.named.cell.column)
     }

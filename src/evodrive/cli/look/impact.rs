@@ -36,7 +36,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
             "{dir}: no table can be made from these runs; finish them with `evodrive resume`"
         )));
     }
-    let touched = impact::impact(&tables, &runs, things).map_err(Failure::bad_input)?;
+    let touched = impact::impact(&tables, &runs, things);
     let named: Vec<String> = folders.iter().map(|folder| folder.dir.display().to_string()).collect();
     let what = impact::listed(things);
     let text = impact::text(name, &what, &touched, options.full, &named.join(" "));

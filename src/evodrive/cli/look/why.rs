@@ -8,7 +8,7 @@ use crate::cli::look::{rollout, table::Which};
 use crate::cli::records::{folder::RunFolder, run_name::Runs};
 use crate::cli::terminal::answer::Answer;
 use crate::cli::terminal::exit::{Exit, Failure};
-use crate::evidence::tables::{Derivations, Table};
+use crate::evidence::tables::{Derivations, Source, Table};
 use crate::evidence::why::{Places, Why};
 use crate::evidence::{RecordedRun, cell};
 use crate::kernel::Digest;
@@ -44,12 +44,11 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let runs = folders.iter().map(|folder| table.recorded(folder, jobs)).collect::<Result<Vec<_>, _>>()?;
     let table = table.of(&runs).map_err(Failure::bad_input)?;
     let named = cell::find(&table, row, column).map_err(Failure::bad_input)?;
-    let bases = Derivations::of(&table, &runs).map_err(Failure::bad_input)?;
-    let key = named.cell.column.key;
-    let Some(basis) = bases.basis(&table, named.row, key).filter(|_| named.cell.ours.is_some()) else {
+    let (bases, source) = (Derivations::of(&runs), &named.cell.source);
+    let Some(basis) = source.derivation(&bases, &named.row.key).filter(|_| named.cell.ours.is_some()) else {
         let name = cell::cell_name(&table, named.row, &named.cell.column);
-        if let Some(ours) = named.cell.ours {
-            let (number, rests) = (named.cell.column.form.number(ours.value), Derivations::without_parts(key));
+        if let (Some(ours), Source::Undivided(rests)) = (named.cell.ours, source) {
+            let number = named.cell.column.form.number(ours.value);
             return Err(Failure::bad_input(format!(
                 "{name} = {number} has no parts that can be listed one by one: {rests}"
             )));
@@ -89,7 +88,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
 /// What led to each contact in a scene that the cell rests on, as a line and as an object.
 fn led_to(
     folders: &[RunFolder],
-    why: &Why<'_>,
+    why: &Why<'_, '_>,
     scene: &str,
     jobs: usize,
 ) -> Result<Vec<(String, serde_json::Value)>, Failure> {
@@ -137,7 +136,7 @@ fn no_scene(runs: &[RecordedRun], scene: &str) -> Failure {
     ))
 }
 
-fn no_attempt(why: &Why<'_>, id: &str) -> Failure {
+fn no_attempt(why: &Why<'_, '_>, id: &str) -> Failure {
     let known = why.attempts();
     let hint = cell::near(id, &known);
     Failure::bad_input(format!("the cell does not rest on a program `{id}`{hint}; it rests on {}", known.join(", ")))

@@ -3,7 +3,7 @@
 use super::found::{ADVERSARIAL, Question, Read, difference, last, reference};
 use super::table::{Line, pairs};
 use crate::evidence::tables::{
-    AVERAGE, Cell, Column, Estimate, Form, Head, Part, Row, Table, estimates, family_columns,
+    AVERAGE, Cell, Column, Estimate, Form, Head, Part, Row, Source, Table, estimates, family_columns,
 };
 use crate::objects::downstream::Downstream;
 
@@ -72,6 +72,7 @@ fn row(record: &Downstream, columns: &[Column], line: Line<'_>, read: Read) -> R
     let paper = PAPER.iter().find(|(arm, of, _)| *arm == line.label && *of == read).map(|(_, _, figures)| figures);
     let cell = |((place, column), ours): ((usize, &Column), Option<Estimate>)| Cell {
         column: Column { form: line.form, ..*column },
+        source: Source::ELSEWHERE,
         ours: ours.filter(|_| has(column)).map(|own| line.form.bounded(own)),
         paper: paper.and_then(|figures| figures.get(place).copied()),
     };

@@ -1,7 +1,9 @@
 //! The table: a row an arm, then a row a pair of arms.
 
 use super::found::{ADVERSARIAL, Quantity, Question, Read, difference, last, reference};
-use crate::evidence::tables::{Cell, Column, Estimate, Form, Head, Part, RESAMPLES, Row, RowKey, Table, estimates};
+use crate::evidence::tables::{
+    Cell, Column, Estimate, Form, Head, Part, RESAMPLES, Row, RowKey, Source, Table, estimates,
+};
 use crate::objects::downstream::{Downstream, SetName, Trained};
 
 /// A column and what is read for it.
@@ -108,6 +110,7 @@ impl Line<'_> {
 fn cells(quantities: &[Quantity], form: Form) -> Vec<Cell> {
     let cell = |(shown, ours): (&Shown, Option<Estimate>)| Cell {
         column: Column { form, ..shown.column },
+        source: Source::ELSEWHERE,
         ours: ours.map(|own| form.bounded(own)),
         paper: None,
     };

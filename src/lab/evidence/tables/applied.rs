@@ -4,9 +4,9 @@
 use std::collections::BTreeMap;
 
 use super::archives::{Archived, Round, Scores};
-use super::contacts::{self, Read};
+use super::contacts;
 use super::key::RowKey;
-use super::labels::{self, Labels, Reading};
+use super::labels::{self, Labels};
 use super::layout::{Cell, Column, Form, Head, Numbers, Part, REPLAY, Row, Table};
 use super::metadrive::{SCENES, estimated};
 use super::notes;
@@ -62,9 +62,6 @@ const ACTED: Head = Head { key: "acted", head: "Acted in" };
 /// Label of the last row.
 const DIFFERENCE: &str = "program - parent";
 
-/// Realism of the scenes that a program acts in.
-const ACTED_REALISM: Reading = |scene| scene.acted.then_some(scene.realism);
-
 /// A rate of SafeBench's protocol.
 type Rate = fn(&BenchmarkRow) -> f64;
 const RATES: [(Column, Rate); 4] = [
@@ -83,16 +80,16 @@ pub fn applied(of: &Applied<'_>) -> [Table; 2] {
         vec![ATTACK, ANY, REALISM, STRICT, PENALTY, COVERAGE]
     };
     let mut numbers = if staged { staged_numbers(of) } else { recorded_numbers(of) };
-    per_scene(of, &[(ANY, labels::ANY_CONTACT), (COVERAGE, labels::ACTED)], &mut numbers);
+    per_scene(of, &[(ANY, labels::ANY_CONTACT.of), (COVERAGE, labels::ACTED.of)], &mut numbers);
     numbers[0].extend(replayed(of, ANY, |scene| Some(labels::share(scene.contact))));
     numbers[0].insert(COVERAGE.key, Estimate::plain(0.0));
     // The other table has the two of them that stand for outcomes.
     let told_above = ["attack", "rp_all_pct"];
-    let readings: Vec<(Column, Read)> =
-        contacts::readings().into_iter().filter(|(column, _)| !told_above.contains(&column.key)).collect();
+    let readings = contacts::readings().into_iter().filter(|(column, ..)| !told_above.contains(&column.key));
+    let readings: Vec<_> = readings.map(|(column, read, _)| (column, move |scene: &SceneScore| read(scene))).collect();
     let columns: Vec<Column> = readings.iter().map(|(column, _)| *column).collect();
     let mut met: [Numbers; 4] = Default::default();
-    per_scene_of(of, &readings, &mut met);
+    per_scene(of, &readings, &mut met);
     met[0].extend(replayed(of, ANY, |scene| Some(labels::share(scene.contact))));
     [
         table("applied", "Outcomes", of, &outcomes, &numbers, notes(staged)),
@@ -111,8 +108,8 @@ fn table(
 ) -> Table {
     let labelled = |played: &Played<'_>| played.score.scenes.len();
     let acted = |played: &Played<'_>| played.score.scenes.iter().filter(|scene| scene.acted).count();
-    let both = paired(of, ACTED_REALISM).values.iter().flatten().count();
-    let shared = paired(of, labels::ACTED).values.iter().flatten().count();
+    let both = paired(of, labels::ACTED_REALISM.of).values.iter().flatten().count();
+    let shared = paired(of, labels::ACTED.of).values.iter().flatten().count();
     let heads = [
         (REPLAY, "none", [of.replay.scenes.len(), 0]),
         (of.parent.name, of.parent.proposals, [labelled(&of.parent), acted(&of.parent)]),
@@ -124,7 +121,7 @@ fn table(
         key: RowKey::Elsewhere,
         labels: vec![label.to_string()],
         lineages: vec![label.to_string()],
-        cells: Cell::row(if *label == DIFFERENCE { &changes } else { columns }, numbers, None),
+        cells: Cell::row(if *label == DIFFERENCE { &changes } else { columns }, numbers),
         counts: counts.to_vec(),
         proposals: proposals.to_string(),
         notes: Vec::new(),
@@ -161,7 +158,9 @@ fn changed(form: Form) -> Form {
 /// The numbers of the MetaDrive protocol, by row.
 fn recorded_numbers(of: &Applied<'_>) -> [Numbers; 4] {
     let mut numbers: [Numbers; 4] = Default::default();
-    per_scene(of, &[(ATTACK, labels::ATTACK), (REALISM, ACTED_REALISM), (PENALTY, labels::PENALTY_PCT)], &mut numbers);
+    let read = [(ATTACK, labels::ATTACK), (REALISM, labels::ACTED_REALISM), (PENALTY, labels::PENALTY_PCT)]
+        .map(|(column, reading)| (column, reading.of));
+    per_scene(of, &read, &mut numbers);
     let [before, after] = [of.parent, of.program].map(|played| Realisms::of(played.score).strict_realism);
     let change = before.zip(after).map(|(before, after)| after - before);
     for (numbers, strict) in numbers[1..].iter_mut().zip([before, after, change]) {
@@ -195,15 +194,13 @@ fn staged_numbers(of: &Applied<'_>) -> [Numbers; 4] {
     numbers
 }
 
-fn per_scene(of: &Applied<'_>, readings: &[(Column, Reading)], numbers: &mut [Numbers; 4]) {
-    let boxed: Vec<(Column, Read)> =
-        readings.iter().map(|(column, reading)| (*column, Box::new(*reading) as Read)).collect();
-    per_scene_of(of, &boxed, numbers);
-}
-
 /// Adds readings of parent and program and their differences, all from the same draws of scenes.
-fn per_scene_of(of: &Applied<'_>, readings: &[(Column, Read)], numbers: &mut [Numbers; 4]) {
-    let by_row: [&dyn Fn(&Read) -> PerScene; 3] =
+fn per_scene<R: Fn(&SceneScore) -> Option<f64>>(
+    of: &Applied<'_>,
+    readings: &[(Column, R)],
+    numbers: &mut [Numbers; 4],
+) {
+    let by_row: [&dyn Fn(&R) -> PerScene; 3] =
         [&|read| values(of, &of.parent, read), &|read| values(of, &of.program, read), &|read| paired(of, read)];
     for (numbers, quantity) in numbers[1..].iter_mut().zip(by_row) {
         let quantities: Vec<(Column, Quantity)> =

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::basis::{Leaf, Repetition as Part};
 use super::error::TableError;
 use super::key::Of;
 use super::labels;
@@ -13,7 +14,7 @@ use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::benchmark::{ArchiveRound, Benchmark, SafebenchRun};
 use crate::objects::event::Measured;
-use crate::objects::{LineageId, event::LineageResult};
+use crate::objects::{LineageId, SolutionId, event::LineageResult};
 use crate::scene::safebench::TrafficFamily;
 
 /// One lineage of a finished SafeBench run.
@@ -121,6 +122,15 @@ impl Round {
 }
 
 impl LineageArchive {
+    /// What it gives to a number; its programs are those that the leaves name.
+    pub(super) fn part(&self, value: Option<f64>, leaves: Vec<Leaf>) -> Part {
+        let mut programs: Vec<SolutionId> = leaves.iter().flat_map(|leaf| leaf.programs.clone()).collect();
+        programs.sort();
+        programs.dedup();
+        let part = Part::of(self.name.clone(), (self.place, self.lineage.to_string()), value, leaves);
+        Part { replica: self.replica, programs, ..part }
+    }
+
     /// As a row's key names it.
     pub fn key(&self) -> Of<LineageId> {
         Of { run: self.place, of: self.lineage.clone() }

@@ -1,12 +1,15 @@
 //! What a cell of a table is computed from: searches, their repetitions, programs, and scene by scene the recorded labels. Its
 //! number comes out again of these parts alone.
 
-use crate::kernel::num;
+use std::sync::Arc;
+
+use crate::kernel::{Digest, num};
 use crate::objects::benchmark::SafebenchRun;
-use crate::objects::{AttemptId, Met, SceneScore, SolutionId};
+use crate::objects::{Attempt, AttemptId, Met, SceneScore, SolutionId};
+use crate::statistics::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 
 /// A number of a label; `None` where the scene does not count.
-pub(super) type LabelRead = Box<dyn Fn(&SceneScore) -> Option<f64>>;
+pub(super) type LabelRead = Arc<dyn Fn(&SceneScore) -> Option<f64> + Send + Sync>;
 
 /// How parts give the number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +54,10 @@ pub struct Repetition {
     /// The number of this repetition, computed from its leaves; recorded as a whole where they have none.
     pub value: Option<f64>,
     pub leaves: Vec<Leaf>,
+    /// What its number is the mean of, where that is scenes.
+    pub(super) scenes: Option<PerScene>,
+    /// The number as the run's result has it, where its value is worked out again: a table shows this one, so `why` can tell when they part.
+    pub(super) sealed: Option<f64>,
     /// How a number comes about that is no sum over leaves, step by step.
     pub steps: Vec<String>,
 }
@@ -85,6 +92,40 @@ impl Leaf {
         let programs = programs.to_vec();
         Leaf { name: name.to_string(), value, programs, attempt: None, selected: None, note: None }
     }
+
+    /// A proposal.
+    pub(super) fn attempt(of: &Attempt, value: Option<f64>) -> Leaf {
+        Leaf { attempt: Some(of.id.clone()), ..Leaf::scene(of.id.as_str(), &[], value) }
+    }
+}
+
+impl Repetition {
+    /// Of a place among the runs and a lineage.
+    pub(super) fn of(
+        search: String,
+        (run, lineage): (usize, String),
+        value: Option<f64>,
+        leaves: Vec<Leaf>,
+    ) -> Repetition {
+        let (programs, steps) = (Vec::new(), Vec::new());
+        Repetition { search, run, lineage, replica: 0, programs, value, leaves, scenes: None, sealed: None, steps }
+    }
+
+    /// With the mean over these scenes for its number.
+    pub(super) fn over(self, scenes: PerScene) -> Repetition {
+        Repetition { value: mean(&scenes), scenes: Some(scenes), ..self }
+    }
+}
+
+/// The mean over the scenes that count.
+fn mean(scenes: &PerScene) -> Option<f64> {
+    num::mean(&scenes.values.iter().copied().flatten().collect::<Vec<f64>>())
+}
+
+/// Mean over searches of the mean over those repetitions that have a number; none where a search has no such.
+fn mean_of(quantity: &Quantity) -> Option<f64> {
+    let of_search = |search: &Search| num::mean(&search.seeds.iter().filter_map(mean).collect::<Vec<f64>>());
+    num::mean(&quantity.iter().map(of_search).collect::<Option<Vec<f64>>>()?)
 }
 
 impl Derivation {
@@ -92,10 +133,14 @@ impl Derivation {
         Derivation { formula, combine, terms: Vec::new(), parts, read: None }
     }
 
+    /// The first of two numbers in per cent of the second.
+    pub(super) fn percent(formula: &str, terms: [Derivation; 2]) -> Derivation {
+        Derivation { terms: terms.into(), ..Derivation::of(formula.into(), Combine::Percent, Vec::new()) }
+    }
+
     /// The number, from the parts.
     pub fn value(&self) -> Option<f64> {
         match self.combine {
-            Combine::Paired => self.paired(),
             Combine::Percent => {
                 let [part, whole] = [self.terms.first()?.value()?, self.terms.get(1)?.value()?];
                 (whole > 0.0).then(|| 100.0 * part / whole)
@@ -105,34 +150,45 @@ impl Derivation {
                 let holds = counted.iter().filter(|value| **value > 0.0).count();
                 (!counted.is_empty()).then(|| 100.0 * holds as f64 / counted.len() as f64)
             }
-            Combine::Means | Combine::MeansOfAll => {
-                let means: Option<Vec<f64>> = self.searches().iter().map(|parts| self.mean_of(parts)).collect();
-                num::mean(&means?)
-            }
+            Combine::MeansOfAll if self.parts.iter().any(|part| part.value.is_none()) => None,
+            Combine::Means | Combine::MeansOfAll | Combine::Paired => mean_of(&self.quantity_of(|part| part.value)),
         }
     }
 
-    /// Mean over searches of the mean over repetitions of the mean over paired scenes.
-    fn paired(&self) -> Option<f64> {
-        let (before, after) = (self.terms.first()?, self.terms.get(1)?);
-        let of_part = |part: &Repetition| -> Option<f64> {
-            let other = before.parts.iter().find(|other| other.lineage == part.lineage)?;
-            let value = |leaf: &Leaf| {
-                let same = other.leaves.iter().find(|other| other.name == leaf.name)?;
-                Some(leaf.value? - same.value?)
-            };
-            num::mean(&part.leaves.iter().filter_map(value).collect::<Vec<f64>>())
+    /// What the number is a mean of, and its interval is drawn from: of every search the repetitions, scene by scene or by one number each.
+    pub(super) fn quantity(&self) -> Quantity {
+        self.quantity_of(|part| part.sealed.or(part.value))
+    }
+
+    fn quantity_of(&self, whole: fn(&Repetition) -> Option<f64>) -> Quantity {
+        let (before, of) = match self.terms.as_slice() {
+            [before, after] if self.combine == Combine::Paired => (Some(before), after),
+            _ => (None, self),
         };
-        let of_search =
-            |parts: &Vec<&Repetition>| num::mean(&parts.iter().filter_map(|part| of_part(part)).collect::<Vec<_>>());
-        num::mean(&after.searches().iter().map(of_search).collect::<Option<Vec<f64>>>()?)
+        let change = |part: &Repetition, scenes: &PerScene| {
+            let Some(before) = before else { return scenes.clone() };
+            let other = before.parts.iter().find(|other| other.lineage == part.lineage);
+            let other = other.and_then(|other| other.scenes.as_ref()).into_iter().flat_map(|other| &other.values);
+            let values = scenes.values.iter().zip(other).map(|(after, before)| Some((*after)? - (*before)?)).collect();
+            PerScene { suite: scenes.suite, values }
+        };
+        let seed = |part: &&Repetition| match &part.scenes {
+            Some(scenes) => change(part, scenes),
+            // As a suite of one scene.
+            None => PerScene { suite: Digest::of_bytes(b"one value"), values: vec![whole(part)] },
+        };
+        let search = |parts: &Vec<&Repetition>| Search {
+            id: Digest::of_bytes(parts[0].search.as_bytes()),
+            seeds: parts.iter().map(seed).collect(),
+        };
+        of.searches().iter().map(search).collect()
     }
 
-    fn mean_of(&self, parts: &[&Repetition]) -> Option<f64> {
-        if self.combine == Combine::MeansOfAll {
-            return num::mean(&parts.iter().map(|part| part.value).collect::<Option<Vec<f64>>>()?);
-        }
-        num::mean(&parts.iter().filter_map(|part| part.value).collect::<Vec<f64>>())
+    /// Whether its number varies over scenes, or over the repetitions of a search.
+    fn is_drawn(&self) -> bool {
+        let scenes = || self.parts.iter().any(|part| part.scenes.is_some());
+        let repeated = || self.searches().iter().any(|parts| parts.len() > 1);
+        self.combine == Combine::Paired || self.combine == Combine::Means && (scenes() || repeated())
     }
 
     /// The parts by search, in the order of their first.
@@ -180,6 +236,21 @@ impl Derivation {
         }
         used
     }
+}
+
+/// The numbers of these derivations with their intervals, all from the same draws.
+pub(super) fn estimates(of: &[Option<Derivation>]) -> Vec<Option<Estimate>> {
+    let drawn = |one: &Option<Derivation>| one.as_ref().filter(|of| of.is_drawn()).map(Derivation::quantity);
+    let quantities: Vec<Quantity> = of.iter().map(|one| drawn(one).unwrap_or_default()).collect();
+    let plain = |one: &Option<Derivation>| match one.as_ref()? {
+        one if one.combine == Combine::Means => mean_of(&one.quantity()),
+        one => one.value(),
+    };
+    bootstrap::estimates(&quantities)
+        .into_iter()
+        .zip(of)
+        .map(|(drawn, one)| drawn.or_else(|| plain(one).map(Estimate::plain)))
+        .collect()
 }
 
 /// Other contacts than the label's: none, and one of every class that says everything.

@@ -3,8 +3,8 @@
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::labels::{self, Reading, suite};
-use super::layout::Form;
+use super::form::Form;
+use super::labels::{self, Read, suite};
 use crate::evidence::RecordedRun;
 use crate::kernel::{Digest, num};
 use crate::objects::{RealismMean, RealismSums, SceneScore, SolutionId, realism_name};
@@ -80,11 +80,11 @@ pub struct Pooled {
     pub quantities: Vec<Compared>,
 }
 
-const QUANTITIES: [(&str, Reading); 4] = [
-    ("attack", |scene| Some(scene.attack)),
-    ("realism", |scene| scene.acted.then_some(scene.realism)),
-    ("coverage", labels::ACTED),
-    ("any crash", labels::ANY_CONTACT),
+const QUANTITIES: [(&str, Read); 4] = [
+    ("attack", labels::ATTACK.of),
+    ("realism", labels::ACTED_REALISM.of),
+    ("coverage", labels::ACTED.of),
+    ("any crash", labels::ANY_CONTACT.of),
 ];
 
 /// The stricter one of the two realisms: of the scenes acted in and of the successes.

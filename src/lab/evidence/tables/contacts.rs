@@ -1,29 +1,24 @@
 //! What lies behind attack in the MetaDrive protocol: contacts by class, and the readings of published work beside ours.
 
-use std::collections::BTreeSet;
+use std::sync::Arc;
 
+use super::derivations::{Derivations, Source};
 use super::error::TableError;
-use super::key::{Reads, RowKey, Side};
+use super::key::Side;
 use super::labels::{self, LineageLabels, Reading, ReplayLabels};
-use super::layout::{Cell, Column, Form, Head, METHOD, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
-use super::metadrive::{SCENES, SEEDS, estimated, quantity};
+use super::layout::{Column, Form, Head, METHOD, POLICY, Row, Table, Told, heads};
+use super::metadrive::{ReplayRead, replay_row, row, table};
 use super::notes;
 use super::searches::searches;
 use crate::evaluation::ContactClass;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::SceneScore;
-use crate::statistics::bootstrap::Search;
 
 const fn column(key: &'static str, group: &'static str, head: &'static str, form: Form) -> Column {
     Column { key, group, head, upward: None, form }
 }
 
-const ATTACK: Column = column("attack", "Ours", "Attack", Form::Rate);
-const AVOIDABLE: Column = column("avoidable_contact", "Ours", "Preventable, rams too", Form::Rate);
-const ADVERSARY: Column = column("adversary_contact", "Published", "Adversary", Form::Rate);
 const ANY: Column = column("any_contact", "Published", "Anyone", Form::Rate);
-const ANYWAY: Column = column("met_anyway", "Ours", "Anyway", Form::Rate);
-const PENALTY_ALL: Column = column("rp_all_pct", "Published", "RP, all", Form::Percent);
 
 /// Heads of the classes, in the order of [`ContactClass::ALL`].
 const CLASS_HEADS: [&str; 8] =
@@ -32,86 +27,64 @@ const CLASS_HEADS: [&str; 8] =
 /// Which of a lineage's programs.
 const PROGRAM: Head = Head { key: "program", head: "Program" };
 
-const PARENT: &str = "parent";
-const EVOLVED: &str = "evolved";
-
 /// Contacts of every parent and evolved generator on held-out scenes, a row a program and ego.
 pub fn metadrive_contacts(runs: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = labels::lineages(runs)?;
-    let mut rows: Vec<Row> = labels::replays(runs)?.iter().map(replay_row).collect();
-    for of in searches(all.iter()) {
-        rows.push(row(PARENT, &of, Side::Parent));
-        rows.push(row(EVOLVED, &of, Side::Evolved));
+    let (bases, [parent, evolved]) = (Derivations::of(runs), [Side::Parent, Side::Evolved].map(columns));
+    let all = bases.lineages()?;
+    let without = |of: &ReplayLabels| {
+        let met: (Column, ReplayRead) = (ANY, |scene| Some(labels::share(scene.contact)));
+        let mut row = replay_row(&bases, &[of], &parent, &[met]);
+        row.labels.push("none".into());
+        row
+    };
+    let mut rows: Vec<Row> = bases.replays()?.iter().map(without).collect();
+    for of in searches(all.iter().copied()) {
+        for (program, columns) in [("parent", &parent), ("evolved", &evolved)] {
+            let labels = vec![of[0].label.clone(), of[0].policy.clone(), program.to_string()];
+            rows.push(Row { notes: Vec::new(), ..row(&bases, labels, &of, columns, None) });
+        }
     }
-    let title = "Contacts behind attack in MetaDrive".to_string();
     let notes = notes(runs, &all, &rows);
-    Ok(Table {
-        name: "metadrive-contacts",
-        labels: vec![METHOD, POLICY, PROGRAM],
-        columns: columns(),
-        counts: vec![SCENES, SEEDS, ROLLOUTS],
-        parts: vec![Part { name: "metadrive-contacts".into(), title, source: None, rows }],
-        runs: notes::runs(runs)?,
-        notes,
-    })
+    let title = ("Contacts behind attack in MetaDrive", None);
+    let table = table("metadrive-contacts", title, heads(&parent), rows, notes, runs)?;
+    Ok(Table { labels: vec![METHOD, POLICY, PROGRAM], ..table })
 }
 
 /// A number of a scene's label.
-pub(super) type Read = Box<dyn Fn(&SceneScore) -> Option<f64>>;
+pub(super) type Read = Arc<dyn Fn(&SceneScore) -> Option<f64> + Send + Sync>;
 
-/// The columns with what is read off a label for each.
-pub(super) fn readings() -> Vec<(Column, Read)> {
+/// The columns with what is read off a label for each, and what that is in words.
+pub(super) fn readings() -> Vec<(Column, Read, String)> {
+    let rate = |key, group, head| column(key, group, head, Form::Rate);
     let plain: [(Column, Reading); 6] = [
-        (ATTACK, labels::ATTACK),
-        (AVOIDABLE, labels::AVOIDABLE_CONTACT),
-        (ANYWAY, labels::MET_ANYWAY),
-        (ADVERSARY, labels::ADVERSARY_CONTACT),
+        (rate("attack", "Ours", "Attack"), labels::ATTACK),
+        (rate("avoidable_contact", "Ours", "Preventable, rams too"), labels::AVOIDABLE_CONTACT),
+        (rate("met_anyway", "Ours", "Anyway"), labels::MET_ANYWAY),
+        (rate("adversary_contact", "Published", "Adversary"), labels::ADVERSARY_CONTACT),
         (ANY, labels::ANY_CONTACT),
-        (PENALTY_ALL, labels::PENALTY_ALL_PCT),
+        (column("rp_all_pct", "Published", "RP, all", Form::Percent), labels::PENALTY_ALL_PCT),
     ];
     let of_class = |(class, head): (ContactClass, &'static str)| {
         let met = move |scene: &SceneScore| labels::met(scene, |met| met.adversary && met.class == class.name());
-        (column(class.name(), "By class", head, Form::Rate), Box::new(met) as Read)
+        (rate(class.name(), "By class", head), Arc::new(met) as Read, of_class(class.name()))
     };
-    let plain = plain.into_iter().map(|(column, reading)| (column, Box::new(reading) as Read));
-    plain.chain(ContactClass::ALL.into_iter().zip(CLASS_HEADS).map(of_class)).collect()
+    let plain = plain.map(|(column, reading)| (column, Arc::new(reading.of) as Read, reading.words.to_string()));
+    plain.into_iter().chain(ContactClass::ALL.into_iter().zip(CLASS_HEADS).map(of_class)).collect()
 }
 
-fn columns() -> Vec<Column> {
-    readings().into_iter().map(|(column, _)| column).collect()
+/// What a contact of a class is in words.
+pub(super) fn of_class(class: &str) -> String {
+    format!("1 where the ego meets an adversary in a contact of class {class}, else 0")
 }
 
-fn row(program: &str, of: &[&LineageLabels], side: Side) -> Row {
-    let readings = readings();
-    let of_reading = |(column, read): &(Column, Read)| (*column, quantity(of, |l| l.read(side, read)));
-    let quantities: Vec<_> = readings.iter().map(of_reading).collect();
-    let suites: BTreeSet<_> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
-    let kinds: BTreeSet<&str> = of.iter().map(|l| l.proposals.as_str()).collect();
-    Row {
-        key: RowKey::reading(of.iter().map(|l| l.key()), Reads::Side(side)),
-        labels: vec![of[0].label.clone(), of[0].policy.clone(), program.to_string()],
-        lineages: of.iter().map(|l| l.lineage.to_string()).collect(),
-        cells: Cell::row(&columns(), &estimated(&quantities), None),
-        counts: vec![suites.iter().map(|(_, n)| n).sum(), of.len(), of.iter().map(|l| l.rollouts).sum()],
-        proposals: kinds.into_iter().collect::<Vec<_>>().join(" + "),
-        notes: Vec::new(),
-    }
+fn columns(side: Side) -> Vec<Told> {
+    let told = |(column, read, what): (Column, Read, String)| {
+        (column, Source::means(side, move |scene: &SceneScore| read(scene), what))
+    };
+    readings().into_iter().map(told).collect()
 }
 
-fn replay_row(replay: &ReplayLabels) -> Row {
-    let search = Search { id: replay.suite, seeds: vec![replay.per_scene(|scene| Some(labels::share(scene.contact)))] };
-    Row {
-        key: RowKey::Replay { egos: vec![replay.key()], metric: None },
-        labels: vec![REPLAY.to_string(), replay.policy.clone(), "none".to_string()],
-        lineages: vec![format!("replay/{}", replay.ego)],
-        cells: Cell::row(&columns(), &estimated(&[(ANY, vec![search])]), None),
-        counts: vec![replay.scenes.len(), 1, replay.scenes.iter().flatten().count()],
-        proposals: "none".into(),
-        notes: Vec::new(),
-    }
-}
-
-fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row]) -> Vec<String> {
+fn notes(runs: &[RecordedRun], all: &[&LineageLabels], rows: &[Row]) -> Vec<String> {
     let mut notes = vec![
         "All numbers are shares of held-out scenes. A rollout ends with the ego's first contact, so the classes of a row add \
          up to its column Adversary. Which classes count for Attack, and which of them only where the ego could have avoided \
@@ -124,7 +97,7 @@ fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row]) -> Vec<Strin
             .to_string(),
         notes::intervals("held-out scenes"),
     ];
-    notes.extend(notes::one_seed(&notes::repeats(all.iter()), "held-out scenes"));
+    notes.extend(notes::one_seed(&notes::repeats(all.iter().copied()), "held-out scenes"));
     notes.extend(notes::all_alike(rows, 0, |column| column.form == Form::Rate));
     notes.extend(notes::of_runs(runs));
     notes.extend(notes::different_versions(runs));

@@ -31,7 +31,7 @@ const SHARES: [Share; 8] = [
 ];
 
 /// The table.
-pub(super) const SPEC: Spec = Spec {
+const SPEC: Spec = Spec {
     name: "actor-critic",
     title: "Critics before simulation",
     source: Some(printed::CRITICS_LABEL),

@@ -14,9 +14,9 @@ pub struct Of<T> {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RowKey {
     /// Scenes without a program, each under an ego.
-    Replay { egos: Vec<Of<String>>, metric: Option<&'static str> },
+    Replay(Vec<Of<String>>),
     /// Lineages, none where the row is the paper's alone.
-    Lineages { of: Vec<Of<LineageId>>, reads: Reads },
+    Lineages(Vec<Of<LineageId>>),
     /// Records that are not those of the runs, such as trainings.
     Elsewhere,
 }
@@ -34,55 +34,14 @@ pub enum Side {
     Change,
 }
 
-/// What of its lineages a row reads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reads {
-    /// What a column says: the parent, the program that is reported, or the difference.
-    ByColumn,
-    /// The programs of one side, in every column.
-    Side(Side),
-    /// What balanced selection keeps after a round, by one metric.
-    Round { metric: &'static str, round: usize, of: Kept },
-}
-
-/// What balanced selection keeps of whose runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kept {
-    /// The search's.
-    Evolved,
-    /// The parent's, drawn as often.
-    Redrawn,
-    /// The first less the second.
-    Change,
-}
-
 impl RowKey {
-    /// Of these lineages, read as the columns say.
-    pub(super) fn of(lineages: impl IntoIterator<Item = Of<LineageId>>) -> RowKey {
-        RowKey::reading(lineages, Reads::ByColumn)
-    }
-
-    pub(super) fn reading(lineages: impl IntoIterator<Item = Of<LineageId>>, reads: Reads) -> RowKey {
-        RowKey::Lineages { of: lineages.into_iter().collect(), reads }
-    }
-
     /// Whether the row is about a lineage of a run.
     pub(super) fn has(&self, run: usize, lineage: &LineageId) -> bool {
-        matches!(self, RowKey::Lineages { of, .. } if of.iter().any(|own| own.run == run && own.of == *lineage))
+        matches!(self, RowKey::Lineages(of) if of.iter().any(|own| own.run == run && own.of == *lineage))
     }
 
-    /// The run of all its lineages; `None` where they are of several, or there are none.
-    pub(super) fn one_run(&self) -> Option<usize> {
-        let RowKey::Lineages { of, .. } = self else { return None };
-        let first = of.first()?.run;
-        of.iter().all(|own| own.run == first).then_some(first)
-    }
-
-    /// The side that all columns read; `None` where a column says it.
-    pub(super) fn side(&self) -> Option<Side> {
-        match self {
-            RowKey::Lineages { reads: Reads::Side(side), .. } => Some(*side),
-            _ => None,
-        }
+    /// The egos of a row without a program.
+    pub(super) fn egos(&self) -> &[Of<String>] {
+        if let RowKey::Replay(egos) = self { egos } else { &[] }
     }
 }

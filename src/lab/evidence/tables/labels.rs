@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::basis::{Leaf, Repetition as Part};
 use super::error::TableError;
 use super::key::{Of, Side};
 use super::paper::{
@@ -27,26 +28,51 @@ const PREFERENCE_WEIGHT: &str = "preference_weight";
 pub struct Labels(Vec<Option<SceneScore>>);
 
 /// A number of a labelled scene; `None` where the scene does not count.
-pub type Reading = fn(&SceneScore) -> Option<f64>;
+pub type Read = fn(&SceneScore) -> Option<f64>;
+
+/// The same, and what it is in words.
+#[derive(Clone, Copy)]
+pub struct Reading {
+    pub of: Read,
+    pub words: &'static str,
+}
+
+const fn reading(words: &'static str, of: Read) -> Reading {
+    Reading { of, words }
+}
 
 /// a(τ).
-pub const ATTACK: Reading = |scene| Some(scene.attack);
+pub const ATTACK: Reading = reading("attack", |scene| Some(scene.attack));
+/// r(τ) of the scenes that the program acts in.
+pub const ACTED_REALISM: Reading =
+    reading("realism where the program acts", |scene| scene.acted.then_some(scene.realism));
 /// 100 (1 - r), percent, of the scenes that the program acts in.
-pub const PENALTY_PCT: Reading = |scene| scene.acted.then_some(100.0 * (1.0 - scene.realism));
+pub const PENALTY_PCT: Reading =
+    reading("100 (1 - realism) where the program acts", |scene| scene.acted.then_some(100.0 * (1.0 - scene.realism)));
 /// The same of the scenes in which it succeeds.
-pub const SUCCESS_PENALTY_PCT: Reading = |scene| (scene.attack > 0.0).then_some(100.0 * (1.0 - scene.realism));
+pub const SUCCESS_PENALTY_PCT: Reading = reading("100 (1 - realism) where the program succeeds", |scene| {
+    (scene.attack > 0.0).then_some(100.0 * (1.0 - scene.realism))
+});
 /// The same over all scenes, 0 where the program does not act: the paper's plain mean.
-pub const PENALTY_ALL_PCT: Reading = |scene| Some(100.0 * (1.0 - scene.realism));
+pub const PENALTY_ALL_PCT: Reading = reading("100 (1 - realism)", |scene| Some(100.0 * (1.0 - scene.realism)));
 /// Whether the program acts.
-pub const ACTED: Reading = |scene| Some(share(scene.acted));
+pub const ACTED: Reading = reading("1 where the program acts, else 0", |scene| Some(share(scene.acted)));
 /// Whether the ego met anyone (MetaDrive's crash flag, on which CAT's success rests).
-pub const ANY_CONTACT: Reading = |scene| over_drivers(scene, |of| of.contact.is_some());
+pub const ANY_CONTACT: Reading =
+    reading("1 where the ego meets anyone, else 0", |scene| over_drivers(scene, |of| of.contact.is_some()));
 /// Whether the ego met an adversary, whoever caused it (CAT: the crash with its opponent).
-pub const ADVERSARY_CONTACT: Reading = |scene| met(scene, |of| of.adversary);
+pub const ADVERSARY_CONTACT: Reading =
+    reading("1 where the ego meets an adversary, else 0", |scene| met(scene, |of| of.adversary));
 /// Whether it met an adversary that it also runs into in plain replay.
-pub const MET_ANYWAY: Reading = |scene| met(scene, |of| of.adversary && of.anyway);
+pub const MET_ANYWAY: Reading =
+    reading("1 where the ego meets an adversary that it also meets in plain replay, else 0", |scene| {
+        met(scene, |of| of.adversary && of.anyway)
+    });
 /// Whether it met one and could have avoided that.
-pub const AVOIDABLE_CONTACT: Reading = |scene| met(scene, |of| of.adversary && of.avoidable == Some(true));
+pub const AVOIDABLE_CONTACT: Reading =
+    reading("1 where the ego meets an adversary and could have avoided it, else 0", |scene| {
+        met(scene, |of| of.adversary && of.avoidable == Some(true))
+    });
 
 /// The share of a scene's drivers for whom something holds: of one driver 1 or 0.
 pub fn over_drivers(scene: &SceneScore, holds: impl Fn(&SceneScore) -> bool) -> Option<f64> {
@@ -162,7 +188,6 @@ pub struct LineageLabels {
     pub at_floors: Vec<Labels>,
     /// These floors, 1.
     pub floors: Vec<f64>,
-    pub pf_area_at_3_pct: f64,
     /// Distinct rollouts that its labels rest on.
     pub rollouts: usize,
     /// Kinds of the models that proposals came from.
@@ -172,33 +197,20 @@ pub struct LineageLabels {
 }
 
 impl LineageLabels {
-    /// A number of every scene of one side.
+    /// A number of every scene of one side, tied to the suite; of a change that of the scenes that count for both.
     pub fn read(&self, side: Side, of: impl Fn(&SceneScore) -> Option<f64>) -> PerScene {
-        match side {
-            Side::Parent => self.per_scene(&self.parent, of),
-            Side::Evolved => self.per_scene(&self.evolved, of),
-            Side::Endpoint => match &self.endpoint {
-                Some(endpoint) => self.per_scene(endpoint, of),
-                None => self.per_scene(&self.parent, |_| None),
-            },
-            Side::AtFloor(place) => match self.at_floors.get(place) {
-                Some(labels) => self.per_scene(labels, of),
-                None => self.per_scene(&self.parent, |_| None),
-            },
-            Side::Change => self.paired(of),
+        let labels = match side {
+            Side::Parent => Some(&self.parent),
+            Side::Evolved | Side::Change => Some(&self.evolved),
+            Side::Endpoint => self.endpoint.as_ref(),
+            Side::AtFloor(place) => self.at_floors.get(place),
+        };
+        let mut values = labels.map_or(vec![None; self.suite_scenes], |labels| labels.values(&of));
+        if side == Side::Change {
+            let change = |(after, before): (&Option<f64>, Option<f64>)| Some((*after)? - before?);
+            values = values.iter().zip(self.parent.values(&of)).map(change).collect();
         }
-    }
-
-    /// A number of every scene, tied to the suite.
-    pub fn per_scene(&self, labels: &Labels, of: impl Fn(&SceneScore) -> Option<f64>) -> PerScene {
-        PerScene { suite: self.suite, values: labels.values(of) }
-    }
-
-    /// Evolved minus parent, on the scenes that count for both.
-    pub fn paired(&self, of: impl Fn(&SceneScore) -> Option<f64>) -> PerScene {
-        let difference = |(before, after): (Option<f64>, Option<f64>)| Some(after? - before?);
-        let (before, after) = (self.parent.values(&of), self.evolved.values(&of));
-        PerScene { suite: self.suite, values: before.into_iter().zip(after).map(difference).collect() }
+        PerScene { suite: self.suite, values }
     }
 
     /// Its like in another run: the same lineage and ego on the same scenes.
@@ -207,6 +219,13 @@ impl LineageLabels {
             (&other.lineage, other.suite, &other.ego) == (&self.lineage, self.suite, &self.ego)
         };
         others.into_iter().find(like)
+    }
+
+    /// What it gives to a number.
+    pub(super) fn part(&self, programs: Vec<SolutionId>, value: Option<f64>, leaves: Vec<Leaf>) -> Part {
+        let of = (self.place, self.lineage.to_string());
+        let part = Part::of(format!("{} {}", self.name, self.ego), of, value, leaves);
+        Part { replica: self.replica, programs, ..part }
     }
 
     /// As a row's key names it.
@@ -251,17 +270,6 @@ impl Repeated for LineageLabels {
             stopped: self.stopped.as_deref(),
         }
     }
-}
-
-/// All lineages of these runs, in their order. No row of a table may come from two of them.
-pub fn lineages(runs: &[RecordedRun]) -> Result<Vec<LineageLabels>, TableError> {
-    let mut all: Vec<LineageLabels> = Vec::new();
-    for place in 0..runs.len() {
-        for lineage in of_run(runs, place)? {
-            searches::add(&mut all, lineage)?;
-        }
-    }
-    Ok(all)
 }
 
 /// The lineages of one of these runs, in their order.
@@ -309,7 +317,6 @@ fn one(place: usize, recorded: &RecordedRun, result: &LineageResult) -> Result<L
         endpoint: result.endpoint.as_ref().map(|endpoint| labels(&endpoint.solution)).transpose()?,
         at_floors: result.at_realism.iter().map(|of| labels(&of.chosen.solution)).collect::<Result<_, _>>()?,
         floors: result.at_realism.iter().map(|of| of.realism_min).collect(),
-        pf_area_at_3_pct: result.pf_area_at_3_pct,
         rollouts: rollouts(recorded, &result.lineage),
         proposals: proposals(recorded),
         stopped: stopped::note(recorded, result),

@@ -4,67 +4,13 @@ use serde::Serialize;
 use serde_json::{Map, Value as Json, json};
 use std::collections::BTreeMap;
 
+use super::basis::{Derivation, estimates};
+use super::derivations::{Derivations, Source};
+pub use super::form::Form;
 use super::key::RowKey;
 use super::paper::Figures;
 use crate::evidence::recorded_run::Setting;
-use crate::kernel::num;
 use crate::statistics::bootstrap::Estimate;
-
-/// How a column's numbers are written, as the paper writes them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
-    /// `0.345`, a share
-    Rate,
-    /// `3.450`, a number of any size
-    Number,
-    /// `10.66%`
-    Percent,
-    /// `+0.035`
-    RateChange,
-    /// `-6.81pp`
-    Points,
-    /// `+7.4%`
-    Gain,
-}
-
-impl Form {
-    /// Decimals.
-    pub fn digits(self) -> u32 {
-        match self {
-            Form::Rate | Form::Number | Form::RateChange => 3,
-            Form::Percent | Form::Points => 2,
-            Form::Gain => 1,
-        }
-    }
-
-    /// A number of this form, whose interval ends where no such number lies.
-    pub fn bounded(self, own: Estimate) -> Estimate {
-        match self {
-            Form::Rate => own.within([0.0, 1.0]),
-            Form::Percent => own.within([0.0, 100.0]),
-            Form::Number | Form::RateChange | Form::Points | Form::Gain => own,
-        }
-    }
-
-    /// The number as text; a zero has no sign.
-    pub fn number(self, value: f64) -> String {
-        let (signed, unit) = match self {
-            Form::Rate | Form::Number => (false, ""),
-            Form::Percent => (false, "%"),
-            Form::RateChange => (true, ""),
-            Form::Points => (true, "pp"),
-            Form::Gain => (true, "%"),
-        };
-        let write = if signed { num::signed } else { num::fixed };
-        write(value, self.digits()) + unit
-    }
-
-    /// `[0.150, 0.550]`, without units: they stand at the value.
-    pub fn interval(self, [low, high]: [f64; 2]) -> String {
-        let bare = |value| self.number(value).trim_end_matches(['%', 'p']).to_string();
-        format!("[{}, {}]", bare(low), bare(high))
-    }
-}
 
 /// A column of numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,11 +25,21 @@ pub struct Column {
     pub form: Form,
 }
 
+/// A column with what its cells are computed from: their numbers, and what `why` says of them.
+pub(super) type Told = (Column, Source);
+
+/// The columns themselves.
+pub(super) fn heads(columns: &[Told]) -> Vec<Column> {
+    columns.iter().map(|(column, _)| *column).collect()
+}
+
 /// A number of ours and the paper's, in the column that they belong to.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Cell {
     #[serde(skip)]
     pub column: Column,
+    #[serde(skip)]
+    pub source: Source,
     pub ours: Option<Estimate>,
     pub paper: Option<f64>,
 }
@@ -92,14 +48,26 @@ pub struct Cell {
 pub type Numbers = BTreeMap<&'static str, Estimate>;
 
 impl Cell {
-    /// A cell for each column: what these numbers and figures have under its key.
-    pub fn row(columns: &[Column], ours: &Numbers, paper: Option<&Figures>) -> Vec<Cell> {
-        let cell = |column: &Column| Cell {
-            column: *column,
-            ours: ours.get(column.key).map(|own| column.form.bounded(*own)),
-            paper: paper.and_then(|figures| figures.under(column.key)),
-        };
-        columns.iter().map(cell).collect()
+    /// A cell for each column of a row: the number that its derivation gives, with the interval that is drawn from it.
+    pub(super) fn derived(
+        bases: &Derivations<'_>,
+        row: &RowKey,
+        columns: &[Told],
+        paper: Option<&Figures>,
+    ) -> Vec<Cell> {
+        let derivations: Vec<_> = columns.iter().map(|(_, source)| source.derivation(bases, row)).collect();
+        let cell = |((column, source), ours): (&Told, _)| Cell::new(*column, source, ours, paper);
+        columns.iter().zip(estimates(&derivations)).map(cell).collect()
+    }
+
+    /// A cell for each column: what these numbers have under its key, of records that are not those of a run.
+    pub fn row(columns: &[Column], ours: &Numbers) -> Vec<Cell> {
+        columns.iter().map(|of| Cell::new(*of, &Source::ELSEWHERE, ours.get(of.key).copied(), None)).collect()
+    }
+
+    pub(super) fn new(column: Column, source: &Source, ours: Option<Estimate>, paper: Option<&Figures>) -> Cell {
+        let paper = paper.and_then(|figures| figures.under(column.key));
+        Cell { column, source: source.clone(), ours: ours.map(|own| column.form.bounded(own)), paper }
     }
 }
 
@@ -124,7 +92,7 @@ pub const PROPOSALS: Head = Head { key: "proposals", head: "Proposals" };
 pub const REPLAY: &str = "Replay (no program)";
 
 /// Numbers of a generator family.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Row {
     /// What it is about.
     pub key: RowKey,
@@ -144,6 +112,18 @@ pub struct Row {
 impl Row {
     pub fn missing(&self) -> bool {
         self.lineages.is_empty()
+    }
+
+    /// What the number of the column with this key rests on; `None` where there is none, or no parts of it.
+    pub fn derivation(&self, key: &str, bases: &Derivations<'_>) -> Option<Derivation> {
+        self.cells.iter().find(|cell| cell.column.key == key)?.source.derivation(bases, &self.key)
+    }
+
+    /// Puts a number that no derivation gives under the column with this key.
+    pub(super) fn put(&mut self, key: &str, ours: Option<Estimate>) {
+        for cell in self.cells.iter_mut().filter(|cell| cell.column.key == key) {
+            cell.ours = ours.map(|own| cell.column.form.bounded(own));
+        }
     }
 
     /// The cell of the column with this key.
@@ -179,7 +159,7 @@ pub struct RunSource {
 }
 
 /// Rows under one caption.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Part {
     /// Ending of its LaTeX label.
     pub name: String,
@@ -197,7 +177,7 @@ impl Part {
 }
 
 /// A whole table.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Table {
     pub name: &'static str,
     /// Text columns before the numbers.
@@ -285,28 +265,5 @@ impl Table {
         };
         let rows: Vec<Json> = self.parts.iter().flat_map(|part| part.rows.iter().map(|r| row(part, r))).collect();
         json!({"table": self.name, "rows": rows, "runs": self.runs, "notes": self.notes})
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_are_written_as_the_paper_writes_them() {
-        assert_eq!(Form::Rate.number(0.345), "0.345");
-        assert_eq!(Form::Percent.number(10.66), "10.66%");
-        assert_eq!(Form::Points.number(-6.81), "-6.81pp");
-        assert_eq!(Form::Gain.number(7.4), "+7.4%");
-        assert_eq!(Form::RateChange.interval([-0.05, 0.1]), "[-0.050, +0.100]");
-        assert_eq!(Form::Points.interval([-0.5, 0.25]), "[-0.50, +0.25]");
-    }
-
-    #[test]
-    fn a_zero_has_no_sign_however_it_came_about() {
-        for zero in [0.0, -0.0, 1e-9, -1e-9] {
-            assert_eq!(Form::RateChange.number(zero), "0.000");
-            assert_eq!(Form::Gain.number(zero), "0.0%");
-        }
     }
 }

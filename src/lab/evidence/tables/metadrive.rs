@@ -2,17 +2,21 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::basis::Derivation;
+use super::derivations::{Derivations, Source};
 use super::error::TableError;
 use super::key::{RowKey, Side};
 use super::labels::{self, LineageLabels, Reading, ReplayLabels};
-use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
+use super::layout::{
+    Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table, Told, heads,
+};
 use super::notes;
 use super::paper::{self, Figures, metadrive as printed};
 use super::searches::{searches, stops};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::Digest;
 use crate::objects::replay::ReplayScene;
-use crate::statistics::bootstrap::{self, Estimate, PerScene, Quantity, Search};
+use crate::statistics::bootstrap::{self, PerScene, Quantity, Search};
 use crate::text::counted;
 
 const fn column(
@@ -28,45 +32,39 @@ const fn column(
 const PARENT_ATTACK: Column = column("parent_attack", "Parent", "Attack", Some(true), Form::Rate);
 const PARENT_CRASH: Column = column("parent_any_contact", "Parent", "Any crash", None, Form::Rate);
 const PARENT_RP: Column = column("parent_rp_pct", "Parent", "RP", Some(false), Form::Percent);
-const PARENT_SUCCESS_RP: Column =
-    column("parent_success_rp_pct", "Parent", "RP of successes", Some(false), Form::Percent);
 const PARENT_COVERAGE: Column = column("parent_coverage", "Parent", "Coverage", Some(true), Form::Rate);
-const EVOLVED_ATTACK: Column = column("evolved_attack", "Evolved", "Attack", Some(true), Form::Rate);
-const EVOLVED_CRASH: Column = column("evolved_any_contact", "Evolved", "Any crash", None, Form::Rate);
-const EVOLVED_RP: Column = column("evolved_rp_pct", "Evolved", "RP", Some(false), Form::Percent);
-const EVOLVED_SUCCESS_RP: Column =
-    column("evolved_success_rp_pct", "Evolved", "RP of successes", Some(false), Form::Percent);
-const EVOLVED_COVERAGE: Column = column("evolved_coverage", "Evolved", "Coverage", Some(true), Form::Rate);
-const ENDPOINT_ATTACK: Column = column("endpoint_attack", "Endpoint", "Attack", Some(true), Form::Rate);
-const ENDPOINT_RP: Column = column("endpoint_rp_pct", "Endpoint", "RP", Some(false), Form::Percent);
-const ATTACK_CHANGE: Column = column("attack_change", "Change", "Attack diff.", Some(true), Form::RateChange);
-const ATTACK_CHANGE_PCT: Column = column("attack_change_pct", "Change", "Attack rel.", Some(true), Form::Gain);
-const RP_CHANGE: Column = column("rp_change_pp", "Change", "RP", Some(false), Form::Points);
-const PF_AREA: Column = column("pf_area_at_3_pct", "Frontier", "PF-Area@3", Some(true), Form::Gain);
 
 /// A column with the side and the reading that its number is a mean of.
-type Read = (Column, Side, Reading);
+pub(super) type Read = (Column, Side, Reading);
 
-/// Columns that are means over labels.
-const READ: [Read; 12] = [
+/// What both tables show of parent and evolved generator.
+const BOTH: [Read; 10] = [
     (PARENT_ATTACK, Side::Parent, labels::ATTACK),
     (PARENT_CRASH, Side::Parent, labels::ANY_CONTACT),
     (PARENT_RP, Side::Parent, labels::PENALTY_PCT),
-    (PARENT_SUCCESS_RP, Side::Parent, labels::SUCCESS_PENALTY_PCT),
+    (success("parent_success_rp_pct", "Parent"), Side::Parent, labels::SUCCESS_PENALTY_PCT),
     (PARENT_COVERAGE, Side::Parent, labels::ACTED),
-    (EVOLVED_ATTACK, Side::Evolved, labels::ATTACK),
-    (EVOLVED_CRASH, Side::Evolved, labels::ANY_CONTACT),
-    (EVOLVED_RP, Side::Evolved, labels::PENALTY_PCT),
-    (EVOLVED_SUCCESS_RP, Side::Evolved, labels::SUCCESS_PENALTY_PCT),
-    (EVOLVED_COVERAGE, Side::Evolved, labels::ACTED),
-    (ATTACK_CHANGE, Side::Change, labels::ATTACK),
-    (RP_CHANGE, Side::Change, labels::PENALTY_PCT),
+    (column("evolved_attack", "Evolved", "Attack", Some(true), Form::Rate), Side::Evolved, labels::ATTACK),
+    (column("evolved_any_contact", "Evolved", "Any crash", None, Form::Rate), Side::Evolved, labels::ANY_CONTACT),
+    (column("evolved_rp_pct", "Evolved", "RP", Some(false), Form::Percent), Side::Evolved, labels::PENALTY_PCT),
+    (success("evolved_success_rp_pct", "Evolved"), Side::Evolved, labels::SUCCESS_PENALTY_PCT),
+    (column("evolved_coverage", "Evolved", "Coverage", Some(true), Form::Rate), Side::Evolved, labels::ACTED),
 ];
-const READ_AT_THE_END: [Read; 2] =
-    [(ENDPOINT_ATTACK, Side::Endpoint, labels::ATTACK), (ENDPOINT_RP, Side::Endpoint, labels::PENALTY_PCT)];
+const AT_THE_END: [Read; 2] = [
+    (column("endpoint_attack", "Endpoint", "Attack", Some(true), Form::Rate), Side::Endpoint, labels::ATTACK),
+    (column("endpoint_rp_pct", "Endpoint", "RP", Some(false), Form::Percent), Side::Endpoint, labels::PENALTY_PCT),
+];
+const ATTACK_CHANGE: Read =
+    (column("attack_change", "Change", "Attack diff.", Some(true), Form::RateChange), Side::Change, labels::ATTACK);
+const RP_CHANGE: Read =
+    (column("rp_change_pp", "Change", "RP", Some(false), Form::Points), Side::Change, labels::PENALTY_PCT);
+
+const fn success(key: &'static str, group: &'static str) -> Column {
+    column(key, group, "RP of successes", Some(false), Form::Percent)
+}
 
 /// A number of a scene without a program.
-type ReplayRead = fn(&ReplayScene) -> Option<f64>;
+pub(super) type ReplayRead = fn(&ReplayScene) -> Option<f64>;
 
 /// Columns of the row without a program. The empty program acts nowhere, so its attack and coverage are 0; RP is that of the
 /// recorded traffic itself.
@@ -77,58 +75,57 @@ const READ_OF_REPLAY: [(Column, ReplayRead); 4] = [
     (PARENT_COVERAGE, |_| Some(0.0)),
 ];
 
-/// Side and reading of a column that is a mean over labels.
-pub(super) fn read_of(key: &str) -> Option<(Side, Reading)> {
-    let estimated = READ.iter().chain(&READ_AT_THE_END).find(|(column, ..)| column.key == key);
-    estimated.map(|(_, side, reading)| (*side, *reading))
+pub(super) fn told((column, side, reading): Read) -> Told {
+    (column, Source::means(side, reading.of, reading.words))
 }
 
-/// What a column of the row without a program is a mean of.
-pub(super) fn read_of_replay(key: &str) -> Option<ReplayRead> {
-    READ_OF_REPLAY.iter().find(|(column, _)| column.key == key).map(|(_, read)| *read)
+/// The row's own change: where scenes lack a label, parent and evolved rest on different ones, and their difference is no change.
+fn relative_change() -> Told {
+    let source = Source::of(|bases, row| {
+        let own = bases.lineages_of(row);
+        let attack = |side| bases.means(&own, side, labels::ATTACK.of, labels::ATTACK.words);
+        let terms = [attack(Side::Change)?, attack(Side::Parent)?];
+        Some(Derivation::percent("100 attack_change / parent_attack", terms))
+    });
+    (column("attack_change_pct", "Change", "Attack rel.", Some(true), Form::Gain), source)
 }
 
-/// Keys of the relative change with those of its two numbers: the change, paired by scene, and what it is taken of.
-pub(super) const RELATIVE: [&str; 3] = [ATTACK_CHANGE_PCT.key, ATTACK_CHANGE.key, PARENT_ATTACK.key];
-/// Key of the column of frontier gains.
-pub(super) const FRONTIER: &str = PF_AREA.key;
-
-/// What both tables show of parent and evolved generator.
-const BOTH: [Column; 10] = [
-    PARENT_ATTACK,
-    PARENT_CRASH,
-    PARENT_RP,
-    PARENT_SUCCESS_RP,
-    PARENT_COVERAGE,
-    EVOLVED_ATTACK,
-    EVOLVED_CRASH,
-    EVOLVED_RP,
-    EVOLVED_SUCCESS_RP,
-    EVOLVED_COVERAGE,
-];
+/// PF-Area@3, with the spread between seeds where a search was repeated.
+fn pf_area() -> Told {
+    let column = column("pf_area_at_3_pct", "Frontier", "PF-Area@3", Some(true), Form::Gain);
+    (column, Source::of(|bases, row| Some(bases.frontier(&bases.lineages_of(row)))))
+}
 
 /// Columns of the main table.
-fn main_columns() -> Vec<Column> {
-    BOTH.into_iter().chain([ATTACK_CHANGE, ATTACK_CHANGE_PCT, RP_CHANGE, PF_AREA]).collect()
+fn main_columns() -> Vec<Told> {
+    let changes = [told(ATTACK_CHANGE), relative_change(), told(RP_CHANGE), pf_area()];
+    BOTH.map(told).into_iter().chain(changes).collect()
 }
 
 /// Columns of the table by policy.
-fn policy_columns() -> Vec<Column> {
-    BOTH.into_iter().chain([ENDPOINT_ATTACK, ENDPOINT_RP, ATTACK_CHANGE, RP_CHANGE, PF_AREA]).collect()
+fn policy_columns() -> Vec<Told> {
+    BOTH.into_iter().chain(AT_THE_END).chain([ATTACK_CHANGE, RP_CHANGE]).map(told).chain([pf_area()]).collect()
 }
 
 /// The paper's main table: a row a family, averaged over those of the paper's egos that were run.
 pub fn metadrive_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = labels::lineages(runs)?;
+    let (bases, columns) = (Derivations::of(runs), main_columns());
+    let all = bases.lineages()?;
     let mut groups: Vec<&str> = printed::METHODS.iter().map(|method| method.group).collect();
     groups.dedup();
-    let averaged = |l: &&LineageLabels| l.method.is_some() && paper::policy_name(&l.ego).is_some();
-    let mut rows: Vec<Row> = replay_row(&labels::replays(runs)?, &main_columns()).into_iter().collect();
+    let averaged = |l: &LineageLabels| l.method.is_some() && paper::policy_name(&l.ego).is_some();
+    let main_row = |method: &str, of: &[&LineageLabels], figures: Option<Figures>| {
+        row(&bases, vec![method.to_string(), policies(of)], of, &columns, figures.as_ref())
+    };
+    let replays: Vec<&ReplayLabels> = bases.replays()?.iter().collect();
+    let without = (!replays.is_empty()).then(|| replay_row(&bases, &replays, &columns, &READ_OF_REPLAY));
+    let mut rows: Vec<Row> = without.into_iter().collect();
     for group in groups {
-        let of: Vec<&LineageLabels> = all.iter().filter(averaged).filter(|l| l.group() == group).collect();
+        let of: Vec<&LineageLabels> = all.iter().copied().filter(|l| averaged(l) && l.group() == group).collect();
         rows.push(main_row(group, &of, printed::main_figures(group)));
     }
-    rows.extend(searches(all.iter().filter(|l| !averaged(l))).iter().map(|of| main_row(&of[0].label, of, None)));
+    let others = all.iter().copied().filter(|l| !averaged(l));
+    rows.extend(searches(others).iter().map(|of| main_row(&of[0].label, of, None)));
     let average = format!(
         "The paper averages over the egos IDM and RL; ours averages over those that were run, named in the column Policy. \
          SAGE averages over its preference weights too, as in the paper ({}).",
@@ -136,61 +133,53 @@ pub fn metadrive_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
     );
     let title = "Generator evolution in MetaDrive";
     let notes = notes(runs, &all, &rows, Some(average));
-    table("metadrive-main", title, printed::MAIN_LABEL, &main_columns(), rows, notes, runs)
+    table("metadrive-main", (title, Some(printed::MAIN_LABEL)), heads(&columns), rows, notes, runs)
 }
 
 /// The paper's table by policy: a row a generator and ego, with the best descendant of the local trace.
 pub fn metadrive_policy(runs: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = labels::lineages(runs)?;
-    let of_each = |replay: ReplayLabels| replay_row(&[replay], &policy_columns());
-    let mut rows: Vec<Row> = labels::replays(runs)?.into_iter().filter_map(of_each).collect();
+    let (bases, columns) = (Derivations::of(runs), policy_columns());
+    let all = bases.lineages()?;
+    let policy_row = |method: &str, policy: &str, of: &[&LineageLabels], figures: Option<Figures>| {
+        row(&bases, vec![method.to_string(), policy.to_string()], of, &columns, figures.as_ref())
+    };
+    let of_each = |replay: &ReplayLabels| replay_row(&bases, &[replay], &columns, &READ_OF_REPLAY);
+    let mut rows: Vec<Row> = bases.replays()?.iter().map(of_each).collect();
     for method in &printed::METHODS {
         for (ego, policy) in expected_policies(&all) {
-            let estimated: Vec<&LineageLabels> =
-                all.iter().filter(|l| l.method == Some(method) && l.ego == ego).collect();
-            let theirs = printed::policy_figures(method.name, policy);
-            rows.push(policy_row(method.name, policy, &estimated, theirs));
+            let of: Vec<&LineageLabels> =
+                all.iter().copied().filter(|l| l.method == Some(method) && l.ego == ego).collect();
+            rows.push(policy_row(method.name, policy, &of, printed::policy_figures(method.name, policy)));
         }
     }
-    let others = all.iter().filter(|l| l.method.is_none() || paper::policy_name(&l.ego).is_none());
+    let others = all.iter().copied().filter(|l| l.method.is_none() || paper::policy_name(&l.ego).is_none());
     rows.extend(searches(others).iter().map(|of| policy_row(&of[0].label, &of[0].policy, of, None)));
     let title = "Policy-specific results in MetaDrive";
     let notes = notes(runs, &all, &rows, None);
-    table("metadrive-policy", title, printed::POLICY_LABEL, &policy_columns(), rows, notes, runs)
+    table("metadrive-policy", (title, Some(printed::POLICY_LABEL)), heads(&columns), rows, notes, runs)
 }
 
 pub(super) const SCENES: Head = Head { key: "held_out_scenes", head: "Scenes" };
 pub(super) const SEEDS: Head = Head { key: "seeds", head: "Seeds" };
 
-fn table(
+/// A table of one part, a row a method and ego.
+pub(super) fn table(
     name: &'static str,
-    title: &str,
-    source: &'static str,
-    columns: &[Column],
+    (title, source): (&str, Option<&'static str>),
+    columns: Vec<Column>,
     rows: Vec<Row>,
     notes: Vec<String>,
     runs: &[RecordedRun],
 ) -> Result<Table, TableError> {
-    let parts = vec![Part { name: name.into(), title: title.into(), source: Some(source), rows }];
+    let parts = vec![Part { name: name.into(), title: title.into(), source, rows }];
     let (labels, counts) = (vec![METHOD, POLICY], vec![SCENES, SEEDS, ROLLOUTS]);
-    Ok(Table { name, labels, columns: columns.to_vec(), counts, parts, runs: notes::runs(runs)?, notes })
+    Ok(Table { name, labels, columns, counts, parts, runs: notes::runs(runs)?, notes })
 }
 
 /// The paper's policies whose rows are listed also where a lineage is missing: IDM, and the learned one once it was run.
-fn expected_policies(all: &[LineageLabels]) -> Vec<(&'static str, &'static str)> {
+fn expected_policies(all: &[&LineageLabels]) -> Vec<(&'static str, &'static str)> {
     let wanted = |(ego, _): &&(&str, &str)| *ego == "idm" || all.iter().any(|l| l.ego == *ego);
     paper::POLICIES.iter().filter(wanted).copied().collect()
-}
-
-fn main_row(method: &str, of: &[&LineageLabels], figures: Option<Figures>) -> Row {
-    let mut ours = measured(of);
-    // The row's own change: where scenes lack a label, parent and evolved rest on different ones, and their difference is no change.
-    if let (Some(before), Some(change)) = (ours.get(PARENT_ATTACK.key), ours.get(ATTACK_CHANGE.key)) {
-        let relative = (before.value > 0.0).then(|| 100.0 * change.value / before.value);
-        ours.extend(relative.map(|relative| (ATTACK_CHANGE_PCT.key, Estimate::plain(relative))));
-    }
-    let cells = Cell::row(&main_columns(), &ours, figures.as_ref());
-    row(method, policies(of), of, cells)
 }
 
 /// The egos of these lineages as tables call them.
@@ -199,29 +188,30 @@ pub(super) fn policies(of: &[&LineageLabels]) -> String {
     all.into_iter().collect::<Vec<_>>().join(" + ")
 }
 
-fn policy_row(method: &str, policy: &str, of: &[&LineageLabels], figures: Option<Figures>) -> Row {
-    let mut ours = measured(of);
-    ours.extend(endpoint(of));
-    row(method, policy.to_string(), of, Cell::row(&policy_columns(), &ours, figures.as_ref()))
-}
-
-/// The recorded scenes without a program, under the columns of a parent; `None` where no run recorded them.
-fn replay_row(of: &[ReplayLabels], columns: &[Column]) -> Option<Row> {
-    let quantity = |value: ReplayRead| -> Quantity {
-        of.iter().map(|replay| Search { id: replay.suite, seeds: vec![replay.per_scene(value)] }).collect()
+/// Recorded scenes without a program, under those columns that say something of them.
+pub(super) fn replay_row(
+    bases: &Derivations<'_>,
+    of: &[&ReplayLabels],
+    columns: &[Told],
+    read: &[(Column, ReplayRead)],
+) -> Row {
+    let told = |(column, _): &Told| {
+        let read = read.iter().find(|(known, _)| known.key == column.key).map(|(_, read)| *read);
+        (*column, read.map_or(Source::none(), |read| Source::of(move |bases, row| Some(bases.replayed(row, read)))))
     };
-    let ours = estimated(&READ_OF_REPLAY.map(|(column, value)| (column, quantity(value))));
-    let policies: BTreeSet<String> = of.iter().map(|replay| replay.policy.clone()).collect();
+    let columns: Vec<Told> = columns.iter().map(told).collect();
+    let policies: BTreeSet<&str> = of.iter().map(|replay| replay.policy.as_str()).collect();
     let suites: BTreeMap<_, usize> = of.iter().map(|replay| (replay.suite, replay.scenes.len())).collect();
-    (!of.is_empty()).then(|| Row {
-        key: RowKey::Replay { egos: of.iter().map(ReplayLabels::key).collect(), metric: None },
+    let key = RowKey::Replay(of.iter().map(|replay| replay.key()).collect());
+    Row {
         labels: vec![REPLAY.to_string(), policies.into_iter().collect::<Vec<_>>().join(" + ")],
         lineages: of.iter().map(|replay| format!("replay/{}", replay.ego)).collect(),
-        cells: Cell::row(columns, &ours, None),
+        cells: Cell::derived(bases, &key, &columns, None),
         counts: vec![suites.values().sum(), 1, of.iter().map(|replay| replay.scenes.iter().flatten().count()).sum()],
+        key,
         proposals: "none".into(),
         notes: Vec::new(),
-    })
+    }
 }
 
 /// A number of every lineage, gathered by search.
@@ -233,37 +223,6 @@ pub(super) fn quantity(of: &[&LineageLabels], part: impl Fn(&LineageLabels) -> P
     searches(of.iter().copied()).iter().map(gathered).collect()
 }
 
-/// Readings of parent and evolved, the differences evolved - parent paired by scene, and PF-Area@3: means over searches
-/// and their seeds.
-fn measured(of: &[&LineageLabels]) -> Numbers {
-    let mut numbers = estimated(&READ.map(|(column, side, reading)| (column, quantity(of, |l| l.read(side, reading)))));
-    numbers.extend(pf_area(of).map(|area| (PF_AREA.key, area)));
-    numbers
-}
-
-/// PF-Area@3, with the spread between seeds where a search was repeated.
-fn pf_area(of: &[&LineageLabels]) -> Option<Estimate> {
-    of_lineages(of, |l| Some(l.pf_area_at_3_pct))
-}
-
-/// A number of a lineage as a whole, with the spread between seeds where a search was repeated.
-pub(super) fn of_lineages(of: &[&LineageLabels], number: impl Fn(&LineageLabels) -> Option<f64>) -> Option<Estimate> {
-    // One value a seed: as a suite of one scene.
-    let suite = Digest::of_bytes(b"one value");
-    let numbers = quantity(of, |l| PerScene { suite, values: vec![number(l)] });
-    let repeated = numbers.iter().any(|search| search.seeds.len() > 1);
-    let estimated = bootstrap::estimates(&[numbers]).into_iter().next().flatten()?;
-    Some(if repeated { estimated } else { Estimate::plain(estimated.value) })
-}
-
-/// Attack and RP of the best descendants; nothing where a lineage has none.
-fn endpoint(of: &[&LineageLabels]) -> Numbers {
-    if of.iter().any(|l| l.endpoint.is_none()) {
-        return Numbers::new();
-    }
-    estimated(&READ_AT_THE_END.map(|(column, side, reading)| (column, quantity(of, |l| l.read(side, reading)))))
-}
-
 /// The quantities of these columns with their intervals, all from the same draws.
 pub(super) fn estimated(quantities: &[(Column, Quantity)]) -> Numbers {
     let (columns, quantities): (Vec<Column>, Vec<Quantity>) = quantities.iter().cloned().unzip();
@@ -272,15 +231,22 @@ pub(super) fn estimated(quantities: &[(Column, Quantity)]) -> Numbers {
 }
 
 /// A row of these lineages, with what stopped those that show no gain.
-pub(super) fn row(method: &str, policy: String, of: &[&LineageLabels], cells: Vec<Cell>) -> Row {
+pub(super) fn row(
+    bases: &Derivations<'_>,
+    labels: Vec<String>,
+    of: &[&LineageLabels],
+    columns: &[Told],
+    figures: Option<&Figures>,
+) -> Row {
     let suites: BTreeMap<_, usize> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
     let kinds: BTreeSet<&str> = of.iter().flat_map(|l| l.proposals.split(" + ")).collect();
     let seeds = searches(of.iter().copied()).iter().map(Vec::len).max().unwrap_or(0);
+    let key = RowKey::Lineages(of.iter().map(|l| l.key()).collect());
     Row {
-        key: RowKey::of(of.iter().map(|l| l.key())),
-        labels: vec![method.to_string(), policy],
+        labels,
         lineages: of.iter().map(|l| l.lineage.to_string()).collect(),
-        cells,
+        cells: Cell::derived(bases, &key, columns, figures),
+        key,
         counts: vec![suites.values().sum(), seeds, of.iter().map(|l| l.rollouts).sum()],
         proposals: kinds.into_iter().collect::<Vec<_>>().join(" + "),
         notes: searches(of.iter().copied()).iter().flat_map(|of| stops(of)).collect(),
@@ -294,7 +260,7 @@ const PROTOCOLS_ATTACK: &str = "Attack: share of held-out scenes in which the eg
                                 (preventable), or, where a file names neither, one that it caused or could have avoided.";
 
 /// What a reader must know beside the numbers.
-fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row], average: Option<String>) -> Vec<String> {
+fn notes(runs: &[RecordedRun], all: &[&LineageLabels], rows: &[Row], average: Option<String>) -> Vec<String> {
     let mut notes = vec![
         format!(
             "{PROTOCOLS_ATTACK} Any crash: share in which the ego meets anyone, as MetaDrive and CAT \
@@ -310,7 +276,7 @@ fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row], average: Opt
             + " Differences are paired by scene, that of RP over the scenes that both act in. PF-Area@3 varies over seeds only, the \
                relative change has no interval.",
     ];
-    notes.extend(notes::one_seed(&notes::repeats(all.iter()), "held-out scenes"));
+    notes.extend(notes::one_seed(&notes::repeats(all.iter().copied()), "held-out scenes"));
     notes.extend(notes::all_alike(rows, 0, |column| column.form == Form::Rate));
     notes.extend(notes::own_attack(runs));
     notes.extend(average);
@@ -341,12 +307,12 @@ fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row], average: Opt
             ));
         }
     }
-    notes.extend(searches(all.iter()).iter().filter_map(|of| stops(of)));
+    notes.extend(searches(all.iter().copied()).iter().filter_map(|of| stops(of)));
     notes
 }
 
 /// The paper's rows without a lineage in these runs.
-fn missing(all: &[LineageLabels]) -> Vec<String> {
+fn missing(all: &[&LineageLabels]) -> Vec<String> {
     let mut absent = Vec::new();
     for (ego, policy) in expected_policies(all) {
         let gone = printed::METHODS.iter().filter(|m| !all.iter().any(|l| l.method == Some(*m) && l.ego == ego));

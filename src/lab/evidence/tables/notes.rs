@@ -123,7 +123,7 @@ pub fn repeats<'a, T: Repeated + 'a>(all: impl Iterator<Item = &'a T>) -> Vec<us
 /// among a row's counts, `is_share` which columns are shares of scenes. A row without a program is 0 by definition, and is passed over.
 pub fn all_alike(rows: &[Row], scenes: usize, is_share: impl Fn(&Column) -> bool) -> Option<String> {
     let mut alike = AllAlike::default();
-    let programs = rows.iter().filter(|row| !row.missing() && !matches!(row.key, RowKey::Replay { .. }));
+    let programs = rows.iter().filter(|row| !row.missing() && !matches!(row.key, RowKey::Replay(_)));
     for (row, cell) in programs.flat_map(|row| row.cells.iter().map(move |cell| (row, cell))) {
         if let (true, Some(ours), Some(count)) = (is_share(&cell.column), cell.ours, row.counts.get(scenes)) {
             alike.add(*count, ours);

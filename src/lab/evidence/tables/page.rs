@@ -91,7 +91,7 @@ fn by_weight(name: &str) -> Option<&'static [&'static str]> {
 
 /// Rows with a program: what is the same in all of these need not stand in each.
 fn of_programs(table: &Table) -> impl Iterator<Item = &Row> {
-    table.rows().filter(|row| !row.missing() && !matches!(row.key, RowKey::Replay { .. }))
+    table.rows().filter(|row| !row.missing() && !matches!(row.key, RowKey::Replay(_)))
 }
 
 fn same_in_all<T: PartialEq>(table: &Table, part: impl Fn(&Row) -> T) -> bool {

@@ -79,7 +79,8 @@ pub fn searched(run: &RecordedRun) -> SearchKind {
 /// The point of one side; `None` where nothing acts.
 fn point(of: &[&LineageLabels], side: Side) -> Option<Point> {
     let read = [labels::ATTACK, labels::PENALTY_PCT, labels::SUCCESS_PENALTY_PCT];
-    let mut estimated = bootstrap::estimates(&read.map(|reading| quantity(of, |l| l.read(side, reading)))).into_iter();
+    let mut estimated =
+        bootstrap::estimates(&read.map(|reading| quantity(of, |l| l.read(side, reading.of)))).into_iter();
     let (attack, penalty, of_successes) = (estimated.next()??, estimated.next()?, estimated.next()?);
     let strict = [penalty, of_successes].into_iter().flatten().max_by(|a, b| a.value.total_cmp(&b.value))?;
     let realism = |penalty: f64| 1.0 - penalty / 100.0;

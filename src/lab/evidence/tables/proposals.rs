@@ -30,7 +30,7 @@ const SHARES: [Share; 12] = [
 ];
 
 /// The table.
-pub(super) const SPEC: Spec = Spec {
+const SPEC: Spec = Spec {
     name: "proposals",
     title: "What became of proposals",
     source: None,
@@ -90,7 +90,7 @@ pub fn proposals(runs: &[RecordedRun]) -> Result<Table, TableError> {
 mod tests {
     use serde_json::{Value, json};
 
-    use super::super::bases::Derivations;
+    use super::super::derivations::Derivations;
     use super::super::tests::{CAT, add, attempt, run, simulated};
     use super::proposals;
     use crate::objects::attempt::{Exchange, Round};
@@ -184,9 +184,9 @@ mod tests {
             .map(|row| (row.labels[0].as_str(), row.cell("declined_pct").ours.unwrap().value, row.counts[0]))
             .collect();
         assert_eq!(listed, [("cat (agent)", 0.0, 1), ("cat (rules)", 50.0, 2)]);
-        let bases = Derivations::of(&table, &runs).unwrap();
+        let bases = Derivations::of(&runs);
         for row in table.rows() {
-            let basis = bases.basis(&table, row, "declined_pct").unwrap();
+            let basis = row.derivation("declined_pct", &bases).unwrap();
             assert_eq!(basis.value(), Some(row.cell("declined_pct").ours.unwrap().value), "{:?}", row.labels);
         }
         let together = [made("a", "scripted (s, s)", vec![declined()]), made("b", "scripted (s, s)", vec![taken()])];

@@ -2,22 +2,23 @@
 //! prevented. Every label holds the contact's class and whether it was avoidable, so no reading needs a rollout.
 
 use serde::Serialize;
-use std::collections::BTreeSet;
 
+use super::contacts::of_class;
+use super::derivations::{Derivations, Source};
 use super::error::TableError;
-use super::key::{RowKey, Side};
-use super::labels::{self, LineageLabels, Reading, ReplayLabels};
-use super::layout::{Cell, Column, Form, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
-use super::metadrive::{SCENES, SEEDS, estimated, quantity};
+use super::key::Side;
+use super::labels::{self, LineageLabels, Read};
+use super::layout::{Column, Form, Row, Table, Told, heads};
+use super::metadrive::{ReplayRead, quantity, replay_row, row, table};
 use super::notes;
-use super::paper::{self, metadrive as printed};
+use super::paper::{self, Figures, metadrive as printed};
 use super::searches::searches;
 use crate::evaluation::ContactClass;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::event::LineageResult;
 use crate::objects::{Met, SceneScore, SolutionId};
 use crate::sim::Fault;
-use crate::statistics::bootstrap::{self, Search};
+use crate::statistics::bootstrap;
 
 const fn rate(key: &'static str, group: &'static str, head: &'static str, upward: Option<bool>) -> Column {
     Column { key, group, head, upward, form: Form::Rate }
@@ -54,15 +55,15 @@ fn could_be_prevented(met: &Met) -> bool {
 }
 
 /// Any contact that the program brought about, whoever caused it.
-pub(super) const BROUGHT_ABOUT: Reading = |scene| brought(scene, |_| true);
+pub(super) const BROUGHT_ABOUT: Read = |scene| brought(scene, |_| true);
 /// Of these the rams from behind.
-const RAMS: Reading = |scene| brought(scene, is_ram);
+const RAMS: Read = |scene| brought(scene, is_ram);
 /// Of these what stands.
-const STANDING: Reading = |scene| brought(scene, |met| met.class == ContactClass::StationaryHit.name());
+const STANDING: Read = |scene| brought(scene, |met| met.class == ContactClass::StationaryHit.name());
 /// Of these what a careful ego could have avoided, of every class alike but rams from behind.
-pub(super) const COULD_BE_PREVENTED: Reading = |scene| brought(scene, could_be_prevented);
+pub(super) const COULD_BE_PREVENTED: Read = |scene| brought(scene, could_be_prevented);
 /// Of these for which the ego is at fault by nuPlan's rule; `None` where the outcome of a contact does not say it.
-pub(super) const AT_FAULT: Reading = |scene| {
+pub(super) const AT_FAULT: Read = |scene| {
     let unsaid = scene.each().filter_map(brought_about).any(|met| met.fault.is_none());
     if unsaid { None } else { brought(scene, |met| fault_of(met).is_some_and(Fault::is_egos)) }
 };
@@ -91,14 +92,13 @@ pub struct LineagePreventable {
 impl LineagePreventable {
     /// `None` where the record lacks the labels of one of the two, and under SafeBench's protocol, which has a measure of its own.
     pub fn of(run: &RecordedRun, result: &LineageResult) -> Option<LineagePreventable> {
-        let share = |solution: &SolutionId, reading: Reading| {
+        let share = |solution: &SolutionId, reading: Read| {
             let score = run.held_out_score(&result.lineage, solution)?;
             let counted = score.scenes.iter().filter_map(reading).sum::<f64>();
             (score.benchmark.is_none() && !score.scenes.is_empty()).then(|| counted / score.scenes.len() as f64)
         };
-        let both = |reading: Reading| {
-            Some([share(&result.parent.solution, reading)?, share(&result.evolved.solution, reading)?])
-        };
+        let both =
+            |reading: Read| Some([share(&result.parent.solution, reading)?, share(&result.evolved.solution, reading)?]);
         let [parent, evolved] = both(COULD_BE_PREVENTED)?;
         let says = |solution: &SolutionId| {
             let score = run.held_out_score(&result.lineage, solution)?;
@@ -136,7 +136,8 @@ pub struct SearchedContacts {
 /// # Errors
 /// An unfinished run, one of the other protocol.
 pub fn searched_contacts(runs: &[RecordedRun]) -> Result<Vec<SearchedContacts>, TableError> {
-    let all = labels::lineages(runs)?;
+    let bases = Derivations::of(runs);
+    let all = bases.lineages()?;
     let of_side = |of: &[&LineageLabels], side: Side| {
         let share = |read: &dyn Fn(&SceneScore) -> Option<f64>| {
             let estimates = bootstrap::estimates(&[quantity(of, |l| l.read(side, read))]);
@@ -158,16 +159,16 @@ pub fn searched_contacts(runs: &[RecordedRun]) -> Result<Vec<SearchedContacts>, 
         parent: of_side(of, Side::Parent),
         evolved: of_side(of, Side::Evolved),
     };
-    Ok(searches(all.iter()).iter().map(searched).collect())
+    Ok(searches(all.iter().copied()).iter().map(searched).collect())
 }
 
 /// Columns with the side and the reading that each is a mean of.
-const READ: [(Column, Side, Reading); 14] = [
-    (rate("parent_attack", SEARCHED, "Parent", Some(true)), Side::Parent, labels::ATTACK),
-    (rate("evolved_attack", SEARCHED, "Evolved", Some(true)), Side::Evolved, labels::ATTACK),
-    (change("attack_change", SEARCHED), Side::Change, labels::ATTACK),
-    (PUBLISHED_PARENT, Side::Parent, BROUGHT_ABOUT),
-    (PUBLISHED_EVOLVED, Side::Evolved, BROUGHT_ABOUT),
+const READ: [(Column, Side, Read); 14] = [
+    (rate("parent_attack", SEARCHED, "Parent", Some(true)), Side::Parent, labels::ATTACK.of),
+    (rate("evolved_attack", SEARCHED, "Evolved", Some(true)), Side::Evolved, labels::ATTACK.of),
+    (change("attack_change", SEARCHED), Side::Change, labels::ATTACK.of),
+    (rate("published_parent", PUBLISHED, "Parent", Some(true)), Side::Parent, BROUGHT_ABOUT),
+    (rate("published_evolved", PUBLISHED, "Evolved", Some(true)), Side::Evolved, BROUGHT_ABOUT),
     (change("published_change", PUBLISHED), Side::Change, BROUGHT_ABOUT),
     (rate("evolved_rams", PUBLISHED, "From behind", None), Side::Evolved, RAMS),
     (rate("evolved_standing", PUBLISHED, "Standing", None), Side::Evolved, STANDING),
@@ -180,98 +181,53 @@ const READ: [(Column, Side, Reading); 14] = [
 ];
 /// Those of them that every label tells.
 const TOLD_BY_ALL: usize = 11;
-const PUBLISHED_PARENT: Column = rate("published_parent", PUBLISHED, "Parent", Some(true));
-const PUBLISHED_EVOLVED: Column = rate("published_evolved", PUBLISHED, "Evolved", Some(true));
-
-/// Side and reading of a column.
-pub(super) fn read_of(key: &str) -> Option<(Side, Reading)> {
-    READ.iter().find(|(column, ..)| column.key == key).map(|(_, side, reading)| (*side, *reading))
-}
 
 /// The columns: with those of who is at fault where some outcome says it (`simulator.at_fault`, `table --at-fault`).
-fn columns_of(all: &[LineageLabels]) -> &'static [(Column, Side, Reading)] {
+fn columns_of(all: &[&LineageLabels]) -> &'static [(Column, Side, Read)] {
     let says = |label: &SceneScore| label.each().filter_map(|of| of.contact.as_ref()).any(|met| met.fault.is_some());
-    let some = |lineage: &LineageLabels| {
+    let some = |lineage: &&LineageLabels| {
         let share = |label: &SceneScore| Some(labels::share(says(label)));
         [Side::Parent, Side::Evolved].iter().any(|side| lineage.read(*side, share).values.contains(&Some(1.0)))
     };
     if all.iter().any(some) { &READ } else { &READ[..TOLD_BY_ALL] }
 }
 
-/// Attack of parent and evolved generator on held-out scenes by three readings, a row a method and ego.
-pub fn metadrive_readings(runs: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = labels::lineages(runs)?;
-    let read = columns_of(&all);
-    let mut rows: Vec<Row> = labels::replays(runs)?.iter().map(|of| replay_row(of, read)).collect();
-    rows.extend(searches(all.iter()).iter().map(|of| row(of, read)));
-    let notes = notes(runs, &all, &rows);
-    Ok(Table {
-        name: "metadrive-readings",
-        labels: vec![METHOD, POLICY],
-        columns: read.iter().map(|(column, ..)| *column).collect(),
-        counts: vec![SCENES, SEEDS, ROLLOUTS],
-        parts: vec![Part {
-            name: "metadrive-readings".into(),
-            title: "Attack in MetaDrive by three readings of the same contacts".into(),
-            source: Some(printed::POLICY_LABEL),
-            rows,
-        }],
-        runs: notes::runs(runs)?,
-        notes,
-    })
+fn told((column, side, read): &(Column, Side, Read)) -> Told {
+    let key = column.key.trim_start_matches("evolved_");
+    let what = if key.contains("attack") { labels::ATTACK.words.into() } else { of_class(key) };
+    (*column, Source::means(*side, *read, what))
 }
 
-fn row(of: &[&LineageLabels], read: &[(Column, Side, Reading)]) -> Row {
-    let quantities = read.iter().map(|(column, side, reading)| (*column, quantity(of, |l| l.read(*side, reading))));
-    let ours = estimated(&quantities.collect::<Vec<_>>());
-    let suites: BTreeSet<_> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
-    let kinds: BTreeSet<&str> = of.iter().map(|l| l.proposals.as_str()).collect();
-    Row {
-        key: RowKey::of(of.iter().map(|l| l.key())),
-        labels: vec![of[0].label.clone(), of[0].policy.clone()],
-        lineages: of.iter().map(|l| l.lineage.to_string()).collect(),
-        cells: cells(&ours, of[0], read),
-        counts: vec![suites.iter().map(|(_, n)| n).sum(), of.len(), of.iter().map(|l| l.rollouts).sum()],
-        proposals: kinds.into_iter().collect::<Vec<_>>().join(" + "),
-        notes: Vec::new(),
-    }
+/// Attack of parent and evolved generator on held-out scenes by three readings, a row a method and ego.
+pub fn metadrive_readings(runs: &[RecordedRun]) -> Result<Table, TableError> {
+    let bases = Derivations::of(runs);
+    let all = bases.lineages()?;
+    let read = columns_of(&all);
+    let columns: Vec<Told> = read.iter().map(told).collect();
+    // Without a program nothing is brought about.
+    let parents = read.iter().filter(|(_, side, _)| *side == Side::Parent);
+    let nothing: ReplayRead = |_| Some(0.0);
+    let of_replay: Vec<_> = parents.map(|(column, ..)| (*column, nothing)).collect();
+    let replays = bases.replays()?.iter();
+    let mut rows: Vec<Row> = replays.map(|of| replay_row(&bases, &[of], &columns, &of_replay)).collect();
+    rows.extend(searches(all.iter().copied()).iter().map(|of| {
+        let labels = vec![of[0].label.clone(), of[0].policy.clone()];
+        let figures = figures(of[0]);
+        Row { notes: Vec::new(), ..row(&bases, labels, of, &columns, figures.as_ref()) }
+    }));
+    let notes = notes(runs, &all, &rows);
+    let title = ("Attack in MetaDrive by three readings of the same contacts", Some(printed::POLICY_LABEL));
+    table("metadrive-readings", title, heads(&columns), rows, notes, runs)
 }
 
 /// The paper counts collisions, so its figures stand beside the published reading.
-fn cells(ours: &Numbers, of: &LineageLabels, read: &[(Column, Side, Reading)]) -> Vec<Cell> {
-    let theirs = of.method.zip(paper::policy_name(&of.ego));
-    let theirs = theirs.and_then(|(method, policy)| printed::policy_figures(method.name, policy));
-    let figure = |column: &Column| {
-        let key = match *column {
-            PUBLISHED_PARENT => "parent_attack",
-            PUBLISHED_EVOLVED => "evolved_attack",
-            _ => return None,
-        };
-        theirs.as_ref()?.under(key)
-    };
-    let columns: Vec<Column> = read.iter().map(|(column, ..)| *column).collect();
-    let cells = Cell::row(&columns, ours, None);
-    cells.into_iter().map(|cell| Cell { paper: figure(&cell.column), ..cell }).collect()
+fn figures(of: &LineageLabels) -> Option<Figures> {
+    let theirs = printed::policy_figures(of.method?.name, paper::policy_name(&of.ego)?)?;
+    let both = [theirs.under("parent_attack")?, theirs.under("evolved_attack")?];
+    Some(Figures::new(["published_parent", "published_evolved"], &both))
 }
 
-/// Without a program nothing is brought about.
-fn replay_row(replay: &ReplayLabels, read: &[(Column, Side, Reading)]) -> Row {
-    let search = Search { id: replay.suite, seeds: vec![replay.per_scene(|_| Some(0.0))] };
-    let parents = read.iter().filter(|(_, side, _)| *side == Side::Parent);
-    let ours: Vec<_> = parents.map(|(column, ..)| (*column, vec![search.clone()])).collect();
-    let columns: Vec<Column> = read.iter().map(|(column, ..)| *column).collect();
-    Row {
-        key: RowKey::Replay { egos: vec![replay.key()], metric: None },
-        labels: vec![REPLAY.to_string(), replay.policy.clone()],
-        lineages: vec![format!("replay/{}", replay.ego)],
-        cells: Cell::row(&columns, &estimated(&ours), None),
-        counts: vec![replay.scenes.len(), 1, replay.scenes.iter().flatten().count()],
-        proposals: "none".into(),
-        notes: Vec::new(),
-    }
-}
-
-fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row]) -> Vec<String> {
+fn notes(runs: &[RecordedRun], all: &[&LineageLabels], rows: &[Row]) -> Vec<String> {
     let mut notes = vec![
         "Shares of held-out scenes. As searched: the contacts that the experiment counts (evaluation.attack). Published: any contact with \
          an adversary that the program brought about, whoever caused it, as published work counts collisions. From behind and Standing: \
@@ -289,7 +245,7 @@ fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row]) -> Vec<Strin
     if columns_of(all).len() > TOLD_BY_ALL {
         notes.push("At fault: the part of the published contacts for which the ego is, by nuPlan's rule; reported, not searched.".into());
     }
-    notes.extend(notes::one_seed(&notes::repeats(all.iter()), "held-out scenes"));
+    notes.extend(notes::one_seed(&notes::repeats(all.iter().copied()), "held-out scenes"));
     notes.extend(notes::all_alike(rows, 0, |column| column.form == Form::Rate));
     notes.extend(notes::of_runs(runs));
     notes.extend(notes::different_versions(runs));

@@ -3,23 +3,25 @@
 
 use std::collections::BTreeSet;
 
-use super::archives::{self, LineageArchive, Round, Scores};
+use super::archives::{LineageArchive, Round, Scores};
+use super::basis::{Combine, Derivation, Leaf, Repetition, Selected};
+use super::derivations::{Derivations, Source};
 use super::error::TableError;
-use super::key::{Kept, Of, Reads, RowKey};
-use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
+use super::key::{Of, RowKey};
+use super::layout::{Cell, Column, Form, Head, METHOD, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
 use super::notes;
 use super::paper::{
-    self,
+    self, Figures,
     safebench::{AVERAGE, EGO, MAIN_LABEL, METHODS, Method, ROUNDS},
 };
 use super::resampled::Resampled;
 use super::searches::{searches, stops};
+use crate::evaluation::{Group, group_name};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
-use crate::objects::benchmark::{Benchmark, BenchmarkRow};
-use crate::objects::replay::{ReplayRow, Suite};
+use crate::objects::benchmark::{ArchiveRound, Benchmark, BenchmarkRow, SelectedScene};
+use crate::objects::replay::{ReplayRow, Replayed, Suite};
 use crate::scene::safebench::TrafficFamily;
-use crate::statistics::bootstrap::Estimate;
 
 const GROUPS: Head = Head { key: "groups", head: "Groups" };
 const SCENES: Head = Head { key: "scenes", head: "Scenes" };
@@ -27,33 +29,104 @@ const SEEDS: Head = Head { key: "seeds", head: "Seeds" };
 pub(super) const COUNTS: [Head; 4] = [GROUPS, SCENES, SEEDS, ROLLOUTS];
 
 /// A rate of the tables, read off a row of the recorded scores.
-struct Metric {
+#[derive(Clone, Copy)]
+pub(super) struct Metric {
     name: &'static str,
-    of: fn(&BenchmarkRow) -> f64,
+    upward: Option<bool>,
+    of: fn(&BenchmarkRow) -> Option<f64>,
 }
 
-const ATTACK: Metric = Metric { name: "Attack", of: |row| row.attack };
-const ARS: Metric = Metric { name: "ARS", of: |row| row.realism };
-const CR: Metric = Metric { name: "CR", of: |row| row.collision_rate };
-const OS: Metric = Metric { name: "OS", of: |row| row.overall_score };
+const ATTACK: Metric = Metric { name: "Attack", upward: Some(true), of: |row| Some(row.attack) };
+const ARS: Metric = Metric { name: "ARS", upward: Some(true), of: |row| Some(row.realism) };
+const CR: Metric = Metric { name: "CR", upward: Some(true), of: |row| Some(row.collision_rate) };
+const OS: Metric = Metric { name: "OS", upward: Some(false), of: |row| Some(row.overall_score) };
+/// Scenarios simulated before one was chosen.
+const LOOKS: Metric = Metric { name: "Rollouts a scene", upward: None, of: |row| row.search_rollouts };
+
+/// What balanced selection keeps of whose runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kept {
+    /// The search's.
+    Evolved,
+    /// The parent's, drawn as often.
+    Redrawn,
+    /// The first less the second.
+    Change,
+}
+
+/// Whose runs, and after which round; without one after the last.
+pub(super) type Look = (Kept, Option<usize>);
+pub(super) const PARENT: Look = (Kept::Evolved, Some(0));
+const DRAWN: Look = (Kept::Redrawn, None);
+pub(super) const EVOLVED: Look = (Kept::Evolved, None);
+const CHANGE: Look = (Kept::Change, None);
+
+/// A column of the main table.
+#[derive(Clone, Copy)]
+pub(super) struct Main {
+    pub column: Column,
+    pub look: Look,
+    pub what: What,
+}
+
+#[derive(Clone, Copy)]
+pub(super) enum What {
+    Rate(Metric),
+    /// A mean over groups, and what of.
+    Gain(fn(&Scores) -> Option<f64>, &'static str),
+}
+
+impl Main {
+    /// Its number of one repetition's scores.
+    pub(super) fn number(self, scores: &Scores) -> Option<f64> {
+        match self.what {
+            What::Rate(metric) => rate(metric, self.look, AVERAGE, self.column.form, scores),
+            What::Gain(of, _) => of(scores),
+        }
+    }
+
+    pub(super) fn is_gain(self) -> bool {
+        matches!(self.what, What::Gain(..))
+    }
+}
+
+/// A rate of a family, or over all, of one repetition's scores; a change is in the unit of its form.
+fn rate(metric: Metric, (of, round): Look, family: &str, form: Form, scores: &Scores) -> Option<f64> {
+    let rate = |rounds: &[Option<Benchmark>]| {
+        let scores = round.map_or(rounds.last(), |round| rounds.get(round))?.as_ref()?;
+        (metric.of)(if family == AVERAGE { &scores.mean } else { scores.families.get(family)? })
+    };
+    let (before, after) = match of {
+        Kept::Evolved => return rate(&scores.rounds),
+        Kept::Redrawn => return rate(&scores.redrawn),
+        Kept::Change => (rate(&scores.redrawn)?, rate(&scores.rounds)?),
+    };
+    match form {
+        Form::Gain => (before > 0.0).then(|| 100.0 * (after - before) / before),
+        Form::Points => Some(100.0 * (after - before)),
+        _ => Some(after - before),
+    }
+}
 
 /// The paper's main table: a row a generator and ego.
 pub fn safebench_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = archives::lineages(runs)?;
-    let columns = told_columns(&all);
+    let bases = Derivations::of(runs);
+    let all = bases.archives()?;
+    let columns = told_columns(all);
     let row = |of: &Subject<'_>| {
-        let ours = if of.seeds.is_empty() { Numbers::new() } else { main_numbers(&of.seeds) };
-        let figures = of.printed.map(Method::main_figures);
-        of.row(Reads::ByColumn, &[], Cell::row(&columns, &ours, figures.as_ref()))
+        let (resampled, figures) = (of.resampled(), of.printed.map(Method::main_figures));
+        let cell = |of: &Main| main_cell(*of, resampled.as_ref(), figures.as_ref());
+        of.row(&[], columns.iter().map(cell).collect())
     };
-    let replays = replays(runs).into_iter().map(|replay| replay_row(replay, None, &columns));
-    let rows: Vec<Row> = replays.chain(in_order(&all).iter().map(row)).collect();
-    let notes = notes(runs, &all).into_iter().chain(saturated(&rows, &all)).chain(searched_more(&rows)).collect();
+    let heads: Vec<Column> = columns.iter().map(|of| of.column).collect();
+    let replays = replays(runs).into_iter().map(|replay| replay_row(&bases, replay, &[], &heads, &OF_PARENT));
+    let rows: Vec<Row> = replays.chain(in_order(all).iter().map(row)).collect();
+    let notes = notes(runs, all).into_iter().chain(saturated(&rows, all)).chain(searched_more(&rows)).collect();
     let title = "Generator evolution on SafeBench's traffic families".to_string();
     Ok(Table {
         name: "safebench-main",
         labels: vec![METHOD, POLICY],
-        columns: columns.clone(),
+        columns: heads,
         counts: COUNTS.to_vec(),
         parts: vec![Part { name: "safebench-main".into(), title, source: Some(MAIN_LABEL), rows }],
         runs: notes::runs(runs)?,
@@ -61,118 +134,146 @@ pub fn safebench_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
     })
 }
 
+/// A cell whose number is of a repetition's scores: this one function gives it, its interval, and what each repetition has.
+pub(super) fn scored(
+    column: Column,
+    number: impl Fn(&Scores) -> Option<f64> + Send + Sync + 'static,
+    resampled: Option<&Resampled>,
+    figures: Option<&Figures>,
+    derive: impl Fn(&Derivations<'_>, &RowKey, &dyn Fn(&Scores) -> Option<f64>) -> Derivation + Send + Sync + 'static,
+) -> Cell {
+    let ours = resampled.and_then(|resampled| resampled.estimate(&number));
+    Cell::new(column, &Source::of(move |bases, row| Some(derive(bases, row, &number))), ours, figures)
+}
+
+fn main_cell(of: Main, resampled: Option<&Resampled>, figures: Option<&Figures>) -> Cell {
+    let number = move |scores: &Scores| of.number(scores);
+    scored(of.column, number, resampled, figures, move |bases, row, number| match of.what {
+        What::Gain(_, what) => gains(bases, row, number, what),
+        What::Rate(_) => kept(bases, row, number, of.look, (AVERAGE, &format!("{},", of.column.key))),
+    })
+}
+
+/// The archives of a row's lineages.
+pub(super) fn archives_of<'a>(
+    all: Result<&'a Vec<LineageArchive>, TableError>,
+    row: &RowKey,
+) -> impl Iterator<Item = &'a LineageArchive> {
+    all.into_iter().flatten().filter(|archive| row.has(archive.place, &archive.lineage))
+}
+
+/// A number of the archive's rounds, which is of the selected runs of a family, or of all, together.
+fn kept(
+    bases: &Derivations<'_>,
+    row: &RowKey,
+    number: &dyn Fn(&Scores) -> Option<f64>,
+    (of, round): Look,
+    (family, what): (&str, &str),
+) -> Derivation {
+    let part = |archive: &LineageArchive| -> Option<Repetition> {
+        let (run, _) = bases.result(archive.place, &archive.lineage)?;
+        let round = round.unwrap_or(archive.rounds.len().saturating_sub(1));
+        let leaves_of = |whose: Kept, rounds: Vec<&ArchiveRound>, drawn: &str| -> Vec<Leaf> {
+            let read = rounds.into_iter().filter(|r| r.round as usize == round && (of == whose || of == Kept::Change));
+            let own = |scene: &&SelectedScene| family == AVERAGE || scene.group.split('/').next() == Some(family);
+            let leaf = |r: &ArchiveRound, scene: &SelectedScene| Leaf {
+                selected: Some(Selected { round: r.round, run: scene.run }),
+                note: Some(format!(
+                    "{} after round {}{drawn}: attack {:.3}, ARS {:.3}",
+                    scene.group, r.round, scene.attack, scene.realism
+                )),
+                ..Leaf::scene(&scene.scene, std::slice::from_ref(&scene.solution), None)
+            };
+            read.flat_map(|r| r.selected.iter().filter(own).map(move |scene| leaf(r, scene))).collect()
+        };
+        let evolved = run.rounds.iter().filter(|r| r.lineage == archive.lineage).collect();
+        let redrawn = run.redrawn.iter().filter(|of| of.lineage == archive.lineage).flat_map(|of| &of.rounds).collect();
+        let leaves = [leaves_of(Kept::Evolved, evolved, ""), leaves_of(Kept::Redrawn, redrawn, ", the parent redrawn")];
+        Some(archive.part(number(&archive.scores()), leaves.concat()))
+    };
+    let parts = archives_of(bases.archives(), row).filter_map(part).collect();
+    let formula = format!(
+        "mean over repetitions of {what} of all runs that balanced selection keeps, families weighing alike (docs/OBJECTIVES.md)"
+    );
+    Derivation::of(formula, Combine::MeansOfAll, parts)
+}
+
+/// PF-Area@3: the mean over groups of what one group has.
+fn gains(bases: &Derivations<'_>, row: &RowKey, number: &dyn Fn(&Scores) -> Option<f64>, what: &str) -> Derivation {
+    let part = |archive: &LineageArchive| {
+        let leaf = |group: &Group| Leaf::scene(&group_name(*group), &[], number(&archive.archived().scores(&[*group])));
+        archive.part(number(&archive.scores()), archive.gains_pct.keys().map(leaf).collect())
+    };
+    let parts = archives_of(bases.archives(), row).map(part).collect();
+    Derivation::of(format!("mean over repetitions of the mean over groups of the {what}"), Combine::Means, parts)
+}
+
 /// A collision rate from which a row is called saturated.
 const SATURATED: f64 = 0.95;
 
-/// Columns of the main table.
-pub(super) fn main_columns() -> Vec<Column> {
-    let column = |key, group, head, upward, form| Column { key, group, head, upward: Some(upward), form };
-    vec![
-        column("parent_attack", "Parent", "Attack", true, Form::Rate),
-        column("parent_ars", "Parent", "ARS", true, Form::Rate),
-        column("parent_cr", "Parent", "CR", true, Form::Rate),
-        column("parent_os", "Parent", "OS", false, Form::Rate),
-        Column { upward: None, ..column(SEARCHED[0], "Parent", SEARCHED_HEAD, false, Form::Number) },
-        column("redrawn_attack", REDRAWN, "Attack", true, Form::Rate),
-        column("redrawn_ars", REDRAWN, "ARS", true, Form::Rate),
-        column("redrawn_cr", REDRAWN, "CR", true, Form::Rate),
-        column("redrawn_os", REDRAWN, "OS", false, Form::Rate),
-        Column { upward: None, ..column(SEARCHED[1], REDRAWN, SEARCHED_HEAD, false, Form::Number) },
-        column(FRONTIERS[0], REDRAWN, "PF-Area@3", true, Form::Gain),
-        column("evolved_attack", "Evolved", "Attack", true, Form::Rate),
-        column("evolved_ars", "Evolved", "ARS", true, Form::Rate),
-        column("evolved_cr", "Evolved", "CR", true, Form::Rate),
-        column("evolved_os", "Evolved", "OS", false, Form::Rate),
-        Column { upward: None, ..column(SEARCHED[2], "Evolved", SEARCHED_HEAD, false, Form::Number) },
-        column(FRONTIERS[1], "Evolved", "PF-Area@3", true, Form::Gain),
-        column("attack_change_pct", "Change", "Attack rel.", true, Form::Gain),
-        column("ars_change_pp", "Change", "ARS", true, Form::Points),
-        column("cr_change_pp", "Change", "CR", true, Form::Points),
-        column("os_change_pp", "Change", "OS", false, Form::Points),
-        column(FRONTIERS[2], "Change", "PF-Area@3", true, Form::Points),
-    ]
+const fn main(key: &'static str, look: Look, metric: Metric, form: Form) -> Main {
+    let group = match look {
+        (Kept::Evolved, Some(_)) => "Parent",
+        (Kept::Evolved, None) => "Evolved",
+        (Kept::Redrawn, _) => "Parent redrawn",
+        (Kept::Change, _) => "Change",
+    };
+    let column = Column { key, group, head: metric.name, upward: metric.upward, form };
+    Main { column, look, what: What::Rate(metric) }
 }
 
+const fn gain(of: fn(&Scores) -> Option<f64>, what: &'static str, of_column: Main) -> Main {
+    let column = Column { head: "PF-Area@3", ..of_column.column };
+    Main { column, what: What::Gain(of, what), ..of_column }
+}
+
+/// Columns of the main table.
+const MAIN: [Main; 22] = [
+    main("parent_attack", PARENT, ATTACK, Form::Rate),
+    main("parent_ars", PARENT, ARS, Form::Rate),
+    main("parent_cr", PARENT, CR, Form::Rate),
+    main("parent_os", PARENT, OS, Form::Rate),
+    main(SEARCHED[0], PARENT, LOOKS, Form::Number),
+    main("redrawn_attack", DRAWN, ATTACK, Form::Rate),
+    main("redrawn_ars", DRAWN, ARS, Form::Rate),
+    main("redrawn_cr", DRAWN, CR, Form::Rate),
+    main("redrawn_os", DRAWN, OS, Form::Rate),
+    main(SEARCHED[1], DRAWN, LOOKS, Form::Number),
+    gain(
+        |of| of.redrawn_gain_pct,
+        "frontier gain of the redrawn parent",
+        main("redrawn_pf_area_at_3_pct", DRAWN, ATTACK, Form::Gain),
+    ),
+    main("evolved_attack", EVOLVED, ATTACK, Form::Rate),
+    main("evolved_ars", EVOLVED, ARS, Form::Rate),
+    main("evolved_cr", EVOLVED, CR, Form::Rate),
+    main("evolved_os", EVOLVED, OS, Form::Rate),
+    main(SEARCHED[2], EVOLVED, LOOKS, Form::Number),
+    gain(
+        |of| of.gain_pct,
+        "frontier gain, as sealed in the results",
+        main("pf_area_at_3_pct", EVOLVED, ATTACK, Form::Gain),
+    ),
+    main("attack_change_pct", CHANGE, Metric { name: "Attack rel.", ..ATTACK }, Form::Gain),
+    main("ars_change_pp", CHANGE, ARS, Form::Points),
+    main("cr_change_pp", CHANGE, CR, Form::Points),
+    main("os_change_pp", CHANGE, OS, Form::Points),
+    gain(
+        |of| Some(of.gain_pct? - of.redrawn_gain_pct?),
+        "frontier gain, as sealed in the results, less that of the redrawn parent",
+        main("pf_area_change_pp", CHANGE, ATTACK, Form::Points),
+    ),
+];
+
 /// Of these without the cost of searches, where no run tells it.
-pub(super) fn told_columns(all: &[LineageArchive]) -> Vec<Column> {
+pub(super) fn told_columns(all: &[LineageArchive]) -> Vec<Main> {
     let tells = |round: &Round| round.runs.values().flatten().any(|run| run.search_rollouts.is_some());
     let is_told = all.iter().any(|archive| archive.rounds.iter().any(tells));
-    main_columns().into_iter().filter(|column| is_told || !SEARCHED.contains(&column.key)).collect()
+    MAIN.into_iter().filter(|of| is_told || !SEARCHED.contains(&of.column.key)).collect()
 }
 
 /// Keys of what programs simulated against the ego, in the mean over the runs that are kept, before each run's scenario was chosen.
 pub(super) const SEARCHED: [&str; 3] = ["parent_search_rollouts", "redrawn_search_rollouts", "evolved_search_rollouts"];
-const SEARCHED_HEAD: &str = "Rollouts a scene";
-
-/// What intervals of a search are drawn from.
-fn resampled(seeds: &[&LineageArchive]) -> Resampled {
-    Resampled::new(&seeds.iter().map(|archive| archive.archived()).collect::<Vec<_>>())
-}
-
-/// Ours under the keys of the main columns.
-pub(super) fn main_numbers(seeds: &[&LineageArchive]) -> Numbers {
-    let resampled = resampled(seeds);
-    let estimated = |column: &Column| resampled.estimate(|scores| main_number(column.key, scores));
-    main_columns().iter().filter_map(|column| Some((column.key, estimated(column)?))).collect()
-}
-
-/// Head over the columns of the parent that was drawn as often as the search drew.
-pub(super) const REDRAWN: &str = "Parent redrawn";
-
-/// Keys of the frontier gains: the redrawn parent's, the search's, and their difference.
-pub(super) const FRONTIERS: [&str; 3] = ["redrawn_pf_area_at_3_pct", "pf_area_at_3_pct", "pf_area_change_pp"];
-
-/// The number of a main column from one repetition's scores.
-pub(super) fn main_number(key: &str, scores: &Scores) -> Option<f64> {
-    let Scores { rounds, redrawn, gain_pct, redrawn_gain_pct } = scores;
-    let parent = |metric: Metric| mean(rounds.first(), metric.of);
-    let drawn = |metric: Metric| mean(redrawn.last(), metric.of);
-    let after = |metric: Metric| mean(rounds.last(), metric.of);
-    let points = |before: f64, after: f64| 100.0 * (after - before);
-    match key {
-        "parent_attack" => parent(ATTACK),
-        "parent_ars" => parent(ARS),
-        "parent_cr" => parent(CR),
-        "parent_os" => parent(OS),
-        "redrawn_attack" => drawn(ATTACK),
-        "redrawn_ars" => drawn(ARS),
-        "redrawn_cr" => drawn(CR),
-        "redrawn_os" => drawn(OS),
-        "evolved_attack" => after(ATTACK),
-        "evolved_ars" => after(ARS),
-        "evolved_cr" => after(CR),
-        "evolved_os" => after(OS),
-        "parent_search_rollouts" => searched(rounds.first()),
-        "redrawn_search_rollouts" => searched(redrawn.last()),
-        "evolved_search_rollouts" => searched(rounds.last()),
-        "attack_change_pct" => {
-            let (before, after) = (drawn(ATTACK)?, after(ATTACK)?);
-            (before > 0.0).then(|| 100.0 * (after - before) / before)
-        }
-        "ars_change_pp" => Some(points(drawn(ARS)?, after(ARS)?)),
-        "cr_change_pp" => Some(points(drawn(CR)?, after(CR)?)),
-        "os_change_pp" => Some(points(drawn(OS)?, after(OS)?)),
-        _ => {
-            let place = FRONTIERS.iter().position(|of| *of == key)?;
-            [*redrawn_gain_pct, *gain_pct, redrawn_gain_pct.zip(*gain_pct).map(|(before, after)| after - before)][place]
-        }
-    }
-}
-
-/// The number of a line of the tables by round, from one repetition's scores.
-pub(super) fn round_number(metric: &str, round: usize, of: Kept, key: &str, scores: &Scores) -> Option<f64> {
-    let line = LINES.iter().find(|line| line.name == metric)?;
-    let rate = |rounds: &[Option<Benchmark>]| {
-        let scores = rounds.get(round)?.as_ref()?;
-        let row = if key == AVERAGE { &scores.mean } else { scores.families.get(key)? };
-        Some((line.of)(row))
-    };
-    match of {
-        Kept::Evolved => rate(&scores.rounds),
-        Kept::Redrawn => rate(&scores.redrawn),
-        Kept::Change => Some(rate(&scores.rounds)? - rate(&scores.redrawn)?),
-    }
-}
 
 /// The metrics of the tables by round.
 const LINES: [Metric; 3] = [CR, OS, ARS];
@@ -192,55 +293,61 @@ fn replays(runs: &[RecordedRun]) -> Vec<(usize, &ReplayRow)> {
     estimated
 }
 
-/// The row of a program that does nothing: under the parent's heads.
-fn replay_row((run, replay): (usize, &ReplayRow), metric: Option<&'static str>, columns: &[Column]) -> Row {
-    let mut ours = Numbers::new();
-    if let Some(row) = &replay.benchmark {
-        for (key, Metric { of, .. }) in
-            [("parent_attack", ATTACK), ("parent_ars", ARS), ("parent_cr", CR), ("parent_os", OS)]
-        {
-            ours.insert(key, Estimate::plain(of(row)));
-        }
-    }
+/// The columns of a parent that say something of a program that does nothing.
+const OF_PARENT: [(&str, Metric); 4] =
+    [("parent_attack", ATTACK), ("parent_ars", ARS), ("parent_cr", CR), ("parent_os", OS)];
+
+/// The row of a program that does nothing, under these columns, with labels after the ego.
+fn replay_row(
+    bases: &Derivations<'_>,
+    (run, replay): (usize, &ReplayRow),
+    labels: &[&str],
+    columns: &[Column],
+    read: &[(&str, Metric)],
+) -> Row {
+    let told = |column: &Column| {
+        let metric = read.iter().find(|(key, _)| *key == column.key).map(|(_, metric)| *metric);
+        (*column, metric.map_or(Source::none(), |metric| Source::of(move |bases, row| replayed(bases, row, metric))))
+    };
+    let key = RowKey::Replay(vec![Of { run, of: replay.ego.clone() }]);
+    let names = [REPLAY.to_string(), paper::policy(&replay.ego)];
     Row {
-        key: RowKey::Replay { egos: vec![Of { run, of: replay.ego.clone() }], metric },
-        labels: vec![REPLAY.to_string(), paper::policy(&replay.ego)],
+        labels: names.into_iter().chain(labels.iter().map(|label| label.to_string())).collect(),
         lineages: vec![format!("replay/{}", replay.ego)],
-        cells: Cell::row(columns, &ours, None),
+        cells: Cell::derived(bases, &key, &columns.iter().map(told).collect::<Vec<_>>(), None),
+        key,
         counts: vec![0, replay.scenes, 1, replay.scenes],
         proposals: "none".into(),
         notes: Vec::new(),
     }
 }
 
+/// A number of the evolution scenes without a program, which is recorded as a whole.
+fn replayed(bases: &Derivations<'_>, row: &RowKey, metric: Metric) -> Option<Derivation> {
+    let Of { run, of: ego } = row.egos().first()?;
+    let own = |replayed: &&Replayed| replayed.row.suite == Suite::Evolution && replayed.row.ego == *ego;
+    let replayed = bases.runs.get(*run)?.replays.iter().find(own)?;
+    let value = (metric.of)(replayed.row.benchmark.as_ref()?);
+    let leaves = replayed.scenes.iter().map(|scene| Leaf::scene(&scene.scene, &[], None)).collect();
+    let part = Repetition::of("replay".into(), (*run, format!("replay/{ego}")), value, leaves);
+    let formula = format!("{} of the empty program on the evolution scenes, recorded as a whole", metric.name);
+    Some(Derivation::of(formula, Combine::Means, vec![part]))
+}
+
 /// The same for the tables by round: a line a metric, in the column of all families.
-fn replay_part(runs: &[RecordedRun]) -> Option<Part> {
-    let line = |of: (usize, &ReplayRow), metric: &Metric| {
-        let replay = of.1;
-        let ours: Numbers = replay.benchmark.iter().map(|row| (AVERAGE, Estimate::plain((metric.of)(row)))).collect();
-        let row = replay_row(of, Some(metric.name), &[]);
-        let labels = row.labels.iter().cloned().chain([metric.name.to_string(), "-".to_string()]).collect();
-        Row { labels, cells: Cell::row(&round_columns(), &ours, None), ..row }
+fn replay_part(bases: &Derivations<'_>) -> Option<Part> {
+    let of_each = |replay| {
+        LINES.map(|metric| replay_row(bases, replay, &[metric.name, "-"], &round_columns(), &[(AVERAGE, metric)]))
     };
-    let rows: Vec<Row> =
-        replays(runs).into_iter().flat_map(|replay| LINES.map(|metric| line(replay, &metric))).collect();
+    let rows: Vec<Row> = replays(bases.runs).into_iter().flat_map(of_each).collect();
     let title = "The evolution scenes without a program".to_string();
     (!rows.is_empty()).then(|| Part { name: "safebench-rounds-replay".into(), title, source: None, rows })
 }
 
-/// Scenarios simulated before one was chosen, over all families after a round.
-fn searched(round: Option<&Option<Benchmark>>) -> Option<f64> {
-    round?.as_ref()?.mean.search_rollouts
-}
-
-/// A rate over all families after a round.
-fn mean(round: Option<&Option<Benchmark>>, of: fn(&BenchmarkRow) -> f64) -> Option<f64> {
-    Some(of(&round?.as_ref()?.mean))
-}
-
 /// The paper's tables by round: a part a generator and ego, a line a metric and round, a column a traffic family.
 pub fn safebench_rounds(runs: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = archives::lineages(runs)?;
+    let bases = Derivations::of(runs);
+    let all = bases.archives()?;
     let part = |of: &Subject<'_>| {
         // A label of LaTeX is made of the search's plain name.
         let plain = of.seeds.first().map_or(of.name.as_str(), |archive| &archive.name);
@@ -261,9 +368,9 @@ pub fn safebench_rounds(runs: &[RecordedRun]) -> Result<Table, TableError> {
         labels: vec![METHOD, POLICY, Head { key: "metric", head: "Metric" }, Head { key: "round", head: "Round" }],
         columns: round_columns(),
         counts: COUNTS.to_vec(),
-        parts: replay_part(runs).into_iter().chain(in_order(&all).iter().map(part)).collect(),
+        parts: replay_part(&bases).into_iter().chain(in_order(all).iter().map(part)).collect(),
         runs: notes::runs(runs)?,
-        notes: notes(runs, &all),
+        notes: notes(runs, all),
     })
 }
 
@@ -285,7 +392,7 @@ pub(in crate::evidence) fn round_columns() -> Vec<Column> {
 }
 
 fn round_rows(of: &Subject<'_>) -> Vec<Row> {
-    let resampled = (!of.seeds.is_empty()).then(|| self::resampled(&of.seeds));
+    let resampled = of.resampled();
     let printed = if of.printed.is_some() { ROUNDS } else { 0 };
     let rounds = of.seeds.iter().map(|archive| archive.rounds.len()).max().unwrap_or(0).max(printed);
     let drawn = of.seeds.iter().map(|archive| archive.redrawn.len()).min().unwrap_or(0);
@@ -297,14 +404,21 @@ fn round_rows(of: &Subject<'_>) -> Vec<Row> {
             Kept::Redrawn => (format!("{round} redrawn"), Form::Rate),
             Kept::Change => (format!("{round} change"), Form::RateChange),
         };
-        let columns: Vec<Column> = round_columns().into_iter().map(|column| Column { form, ..column }).collect();
-        let ours = |column: &Column| {
-            let number = |scores: &Scores| round_number(metric.name, round, kept, column.key, scores);
-            Some((column.key, resampled.as_ref()?.estimate(number)?))
+        let cell = |column: Column| {
+            let (metric, look, key) = (*metric, (kept, Some(round)), column.key);
+            let whose = match kept {
+                Kept::Evolved => "",
+                Kept::Redrawn => " of the redrawn parent",
+                Kept::Change => " less that of the redrawn parent",
+            };
+            let number = move |scores: &Scores| rate(metric, look, key, form, scores);
+            let column = Column { form, ..column };
+            scored(column, number, resampled.as_ref(), figures.as_ref(), move |bases, row, number| {
+                let what = format!("{} after round {round} in {key}{whose},", metric.name);
+                self::kept(bases, row, number, look, (key, &what))
+            })
         };
-        let ours: Numbers = columns.iter().filter_map(ours).collect();
-        let reads = Reads::Round { metric: metric.name, round, of: kept };
-        of.row(reads, &[metric.name, &called], Cell::row(&columns, &ours, figures.as_ref()))
+        of.row(&[metric.name, &called], round_columns().into_iter().map(cell).collect())
     };
     let lines = |metric: &Metric| -> Vec<Row> {
         let evolved = (0..rounds).map(|round| line(metric, round, Kept::Evolved));
@@ -352,13 +466,24 @@ pub(super) fn in_order(all: &[LineageArchive]) -> Vec<Subject<'_>> {
 }
 
 impl Subject<'_> {
+    /// What intervals are drawn from; nothing where it is missing.
+    pub(super) fn resampled(&self) -> Option<Resampled> {
+        let archived = || self.seeds.iter().map(|archive| archive.archived()).collect::<Vec<_>>();
+        (!self.seeds.is_empty()).then(|| Resampled::new(&archived()))
+    }
+
+    /// What its rows are about.
+    pub(super) fn key(&self) -> RowKey {
+        RowKey::Lineages(self.seeds.iter().map(|archive| archive.key()).collect())
+    }
+
     /// A row of numbers, with labels after the method and the ego.
-    pub(super) fn row(&self, reads: Reads, labels: &[&str], cells: Vec<Cell>) -> Row {
+    pub(super) fn row(&self, labels: &[&str], cells: Vec<Cell>) -> Row {
         let policy = self.seeds.first().map_or(String::new(), |archive| archive.policy.clone());
         let groups: BTreeSet<_> = self.seeds.iter().flat_map(|archive| archive.groups()).collect();
         let sum = |of: fn(&LineageArchive) -> usize| self.seeds.iter().map(|archive| of(archive)).sum();
         Row {
-            key: RowKey::reading(self.seeds.iter().map(|archive| archive.key()), reads),
+            key: self.key(),
             labels: [self.name.clone(), policy].into_iter().chain(labels.iter().map(|l| l.to_string())).collect(),
             lineages: self.seeds.iter().map(|archive| archive.lineage.to_string()).collect(),
             cells,

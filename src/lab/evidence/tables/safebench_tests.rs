@@ -157,7 +157,7 @@ fn recorded(lineages: &[&Lineage<'_>]) -> RecordedRun {
 
 fn cell(table: &Table, labels: &[&str], key: &str) -> Cell {
     let row = table.rows().find(|row| row.labels == labels).unwrap_or_else(|| panic!("no row {labels:?}"));
-    *row.cell(key)
+    row.cell(key).clone()
 }
 
 fn ours(table: &Table, labels: &[&str], key: &str) -> Estimate {

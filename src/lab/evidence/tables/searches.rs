@@ -24,6 +24,12 @@ pub trait Repeated {
     fn repetition(&self) -> Repetition<'_>;
 }
 
+impl<T: Repeated> Repeated for &T {
+    fn repetition(&self) -> Repetition<'_> {
+        (*self).repetition()
+    }
+}
+
 fn same_search(one: &Repetition<'_>, other: &Repetition<'_>) -> bool {
     (one.name, one.policy) == (other.name, other.policy)
 }

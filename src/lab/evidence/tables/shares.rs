@@ -2,15 +2,18 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::basis::{Combine, Derivation, Leaf, Repetition};
+use super::derivations::{Derivations, Source};
 use super::error::TableError;
 use super::key::{Of, RowKey};
-use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, Row, Table};
+use super::layout::{Cell, Column, Form, Head, METHOD, POLICY, Part, Row, Table, Told, heads};
 use super::metadrive::SEEDS;
 use super::paper::Figures;
 use super::{labels, notes};
 use crate::evidence::recorded_run::RecordedRun;
+use crate::kernel::num;
+use crate::objects::event::ParentAdopted;
 use crate::objects::{Attempt, LineageId};
-use crate::statistics::bootstrap::Estimate;
 
 /// Whether a proposal counts for a share.
 pub type Holds = fn(&Attempt) -> bool;
@@ -49,17 +52,27 @@ pub(super) struct Spec {
     pub note: &'static str,
 }
 
-impl Spec {
-    /// Whether a proposal counts for a column at all, and whether what the column says holds of it; `None` without such a column.
-    pub fn counted(&self, key: &str, attempt: &Attempt) -> Option<(bool, bool)> {
-        let share = self.shares.iter().find(|share| share.column.key == key)?;
-        let counts = (share.among)(attempt);
-        Some((counts, counts && (share.holds)(attempt)))
+impl Share {
+    fn told(&self) -> Told {
+        let Share { column, among, holds } = *self;
+        (column, Source::of(move |bases, row| Some(counted(bases, row, |of| among(of).then(|| holds(of))))))
     }
+}
 
-    fn columns(&self) -> Vec<Column> {
-        self.shares.iter().map(|share| share.column).collect()
-    }
+/// A share of the proposals of a row's lineages; `None` is one that does not count.
+fn counted(bases: &Derivations<'_>, row: &RowKey, holds: impl Fn(&Attempt) -> Option<bool>) -> Derivation {
+    let part = |(place, run, parent): (usize, &RecordedRun, &ParentAdopted)| {
+        let attempts = run.attempts.iter().filter(|attempt| attempt.lineage == parent.lineage);
+        let leaves: Vec<Leaf> = attempts.map(|of| Leaf::attempt(of, holds(of).map(labels::share))).collect();
+        let counted: Vec<f64> = leaves.iter().filter_map(|leaf| leaf.value).collect();
+        let value = num::mean(&counted).map(|share| 100.0 * share);
+        Repetition::of(parent.program.source_family.to_string(), (place, parent.lineage.to_string()), value, leaves)
+    };
+    let parents =
+        bases.runs.iter().enumerate().flat_map(|(place, run)| run.parents.iter().map(move |of| (place, run, of)));
+    let own = parents.filter(|(place, _, parent)| row.has(*place, &parent.lineage));
+    let formula = "100 times the proposals that it holds of, over all that count, of all lineages together";
+    Derivation::of(formula.into(), Combine::Pooled, own.map(part).collect())
 }
 
 /// The table of these runs.
@@ -78,22 +91,33 @@ pub(super) fn table(spec: &Spec, runs: &[RecordedRun]) -> Result<Table, TableErr
             group.proposals = labels::proposals(recorded);
         }
     }
+    let (bases, columns) = (Derivations::of(runs), spec.shares.iter().map(Share::told).collect::<Vec<_>>());
+    let row = |((family, ego, policy, run), group): ((String, String, String, Option<String>), Group<'_>)| {
+        let (figures, key) = ((spec.figures)(&family, &ego), RowKey::Lineages(group.lineages.clone()));
+        let count = |(_, counts): &(Head, Holds)| group.attempts.iter().filter(|attempt| counts(attempt)).count();
+        Row {
+            labels: vec![of_run(&family, run.as_deref()), policy],
+            cells: Cell::derived(&bases, &key, &columns, figures.as_ref()),
+            key,
+            counts: spec.counts.iter().map(count).chain([group.lineages.len()]).collect(),
+            lineages: group.lineages.iter().map(|own| own.of.to_string()).collect(),
+            proposals: group.proposals,
+            notes: Vec::new(),
+        }
+    };
     let mut notes = vec![spec.note.to_string()];
     notes.extend(notes::of_runs(runs));
     notes.extend(notes::different_versions(runs));
     Ok(Table {
         name: spec.name,
         labels: vec![METHOD, POLICY],
-        columns: spec.columns(),
+        columns: heads(&columns),
         counts: spec.counts.iter().map(|(head, _)| *head).chain([SEEDS]).collect(),
         parts: vec![Part {
             name: spec.name.into(),
             title: spec.title.into(),
             source: spec.source,
-            rows: rows
-                .into_iter()
-                .map(|((family, ego, policy, run), group)| group.row(spec, (&family, &ego), policy, run))
-                .collect(),
+            rows: rows.into_iter().map(row).collect(),
         }],
         runs: notes::runs(runs)?,
         notes,
@@ -106,29 +130,6 @@ struct Group<'a> {
     lineages: Vec<Of<LineageId>>,
     attempts: Vec<&'a Attempt>,
     proposals: String,
-}
-
-impl Group<'_> {
-    fn row(self, spec: &Spec, (family, ego): (&str, &str), policy: String, run: Option<String>) -> Row {
-        let count = |holds: &dyn Fn(&Attempt) -> bool| self.attempts.iter().filter(|attempt| holds(attempt)).count();
-        let share = |share: &Share| {
-            let (all, counted) =
-                (count(&share.among), count(&|attempt| (share.among)(attempt) && (share.holds)(attempt)));
-            (all > 0).then(|| (share.column.key, Estimate::plain(100.0 * counted as f64 / all as f64)))
-        };
-        let numbers: Numbers = spec.shares.iter().filter_map(share).collect();
-        let counts: Vec<usize> = spec.counts.iter().map(|(_, counts)| count(counts)).collect();
-        let figures = (spec.figures)(family, ego);
-        Row {
-            labels: vec![of_run(family, run.as_deref()), policy],
-            cells: Cell::row(&spec.columns(), &numbers, figures.as_ref()),
-            counts: counts.into_iter().chain([self.lineages.len()]).collect(),
-            lineages: self.lineages.iter().map(|own| own.of.to_string()).collect(),
-            key: RowKey::of(self.lineages),
-            proposals: self.proposals,
-            notes: Vec::new(),
-        }
-    }
 }
 
 /// A family's label in a row of all runs, or of one.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::layout::Form;
+use super::form::Form;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::{Attempt, Exit, attempt::Gate, event::LineageResult};

@@ -219,14 +219,14 @@ pub(in crate::evidence) fn from_their_parts(table: &Table, runs: &[RecordedRun])
 
 /// The same of all columns but these.
 fn from_their_parts_but(table: &Table, runs: &[RecordedRun], but: &[&str]) -> usize {
-    let bases = Derivations::of(table, runs).unwrap();
+    let bases = Derivations::of(runs);
     let mut count = 0;
     for (row, cell) in table.rows().flat_map(|row| row.cells.iter().map(move |cell| (row, cell))) {
         let (Some(ours), key) = (cell.ours, cell.column.key) else { continue };
         if but.contains(&key) {
             continue;
         }
-        let basis = bases.basis(table, row, key).unwrap_or_else(|| panic!("{:?} {key}", row.labels));
+        let basis = row.derivation(key, &bases).unwrap_or_else(|| panic!("{:?} {key}", row.labels));
         assert_eq!(basis.value(), Some(ours.value), "{:?} {key}: {}", row.labels, basis.formula);
         count += 1;
     }
@@ -316,8 +316,8 @@ fn a_relative_change_is_that_of_the_rows_own_paired_difference() {
         [("parent_attack", 0.5), ("evolved_attack", 1.0 / 3.0), ("attack_change", 0.0), ("attack_change_pct", 0.0)]
     {
         near(ours(&table, "CAT", key).value, expected);
-        let bases = Derivations::of(&table, &runs).unwrap();
-        near(bases.basis(&table, row(&table, "CAT"), key).unwrap().value().unwrap(), expected);
+        let bases = Derivations::of(&runs);
+        near(row(&table, "CAT").derivation(key, &bases).unwrap().value().unwrap(), expected);
     }
 }
 
@@ -727,8 +727,8 @@ fn a_row_that_no_null_search_was_made_for_is_empty_there_and_so_is_the_row_over_
         assert!(empty("SAGE (w=0.50)", key) && empty("All 2", key) && !empty("CAT", key), "{key}");
     }
     let runs = [whole.clone(), searched(Some("random_proposals"), missed), shuffled.clone()];
-    let bases = Derivations::of(&table, &runs).unwrap();
-    let says = |of: &str| bases.basis(&table, row(&table, of), "over_random_proposals").is_some();
+    let bases = Derivations::of(&runs);
+    let says = |of: &str| row(&table, of).derivation("over_random_proposals", &bases).is_some();
     assert_eq!(["CAT", "SAGE (w=0.50)", "All 2"].map(says), [true, false, false], "what is asked why");
     // Two repetitions of three, which may be those that went well.
     let mut part = searched(Some("random_proposals"), missed);
@@ -758,8 +758,7 @@ fn the_frontier_area_is_worked_out_again_and_names_who_spans_it() {
     }
     let runs = [run];
     let table = metadrive_policy(&runs).unwrap();
-    let bases = Derivations::of(&table, &runs).unwrap();
-    let basis = bases.basis(&table, row(&table, "CAT"), "pf_area_at_3_pct").unwrap();
+    let basis = row(&table, "CAT").derivation("pf_area_at_3_pct", &Derivations::of(&runs)).unwrap();
     near(basis.value().unwrap(), 100.0 * (0.485 - 0.225) / 0.225);
     let said = basis.parts[0].steps.join("\n");
     for part in [

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use super::key::RowKey;
-use super::labels::{self, Labels, Reading};
+use super::labels::{self, Labels, Read};
 use super::layout::{Cell, Column, Form, Head, METHOD, Part, Row, Table};
 use super::metadrive::{SCENES, SEEDS, estimated};
 use super::notes;
@@ -59,7 +59,7 @@ const PARENT: &str = "parent";
 const ALL: &str = "all families";
 
 /// Name, the panel's head in a heat map, title.
-const READINGS: [(&str, &str, &str, Reading); 3] = [
+const READINGS: [(&str, &str, &str, Read); 3] = [
     (
         "published",
         "Published",
@@ -111,12 +111,12 @@ impl Transferred {
         Digest::of_bytes(format!("{} {}", self.pool, self.scenes.join("\n")).as_bytes())
     }
 
-    fn values(&self, program: usize, driver: usize, of: Reading) -> Vec<Option<f64>> {
+    fn values(&self, program: usize, driver: usize, of: Read) -> Vec<Option<f64>> {
         Labels::of(&self.scores[program][driver], &self.scenes).values(of)
     }
 
     /// The row's numbers against one driver, scene by scene: its programs', or those less their parents' where `change` is asked for.
-    fn quantity(&self, row: &RowOf<'_>, driver: usize, (of, change): (Reading, bool)) -> Quantity {
+    fn quantity(&self, row: &RowOf<'_>, driver: usize, (of, change): (Read, bool)) -> Quantity {
         let per_scene = |line: &Line| {
             let program = if row.is_parent() { line.parent } else { line.program };
             let own = self.values(program, driver, of);
@@ -146,7 +146,7 @@ impl Transferred {
         self.drivers.iter().filter_map(column).collect()
     }
 
-    fn row(&self, of: &RowOf<'_>, (reading, change): (Reading, bool)) -> Row {
+    fn row(&self, of: &RowOf<'_>, (reading, change): (Read, bool)) -> Row {
         let columns = self.columns();
         let numbered = columns.iter().enumerate();
         let quantities: Vec<(Column, Quantity)> =
@@ -158,7 +158,7 @@ impl Transferred {
             key: RowKey::Elsewhere,
             labels: vec![of.family.unwrap_or(ALL).to_string(), of.evolved_on.to_string()],
             lineages: of.lines.iter().map(|line| format!("{} {}", line.family, line.evolved_on)).collect(),
-            cells: Cell::row(&columns, &estimated(&quantities), None),
+            cells: Cell::row(&columns, &estimated(&quantities)),
             counts: vec![self.scenes.len(), if of.is_parent() { 1 } else { replicas.len() }],
             proposals: String::new(),
             notes: Vec::new(),
@@ -171,7 +171,7 @@ pub fn transfer(of: &Transferred, by_family: bool) -> Table {
     let families = if by_family { of.families() } else { Vec::new() };
     let mut rows = of.rows(None);
     rows.extend(families.into_iter().flat_map(|family| of.rows(Some(family))));
-    let part = |(name, _, title, reading): (&str, &str, &str, Reading), change: bool| Part {
+    let part = |(name, _, title, reading): (&str, &str, &str, Read), change: bool| Part {
         name: format!("transfer-{name}{}", if change { "-change" } else { "" }),
         title: if change { format!("{title}; change over the parent, paired by scene") } else { title.to_string() },
         source: None,
@@ -199,7 +199,7 @@ pub type NamedShares = (String, Vec<Option<f64>>);
 /// What a heat map of the table shows: of each reading its head, and over all families the rows' names and shares by driver.
 pub fn panels(table: &Table) -> Vec<(&'static str, Vec<NamedShares>)> {
     let share = |row: &Row| row.cells.iter().map(|cell| cell.ours.map(|of| of.value)).collect();
-    let shown = |(name, head, ..): (&str, &'static str, &str, Reading)| {
+    let shown = |(name, head, ..): (&str, &'static str, &str, Read)| {
         let part = table.parts.iter().find(|part| part.name == format!("transfer-{name}"))?;
         let rows = part.rows.iter().filter(|row| row.labels[0] == ALL);
         Some((head, rows.map(|row| (row.labels[1].clone(), share(row))).collect()))
@@ -228,7 +228,7 @@ fn notes(of: &Transferred) -> Vec<String> {
 }
 
 /// Who judges a contact.
-type Judge = (&'static str, Reading);
+type Judge = (&'static str, Read);
 
 /// Judges of the same contacts: each says which of them count.
 const JUDGES: [Judge; 5] = [
@@ -246,7 +246,7 @@ fn avoided(scene: &SceneScore, says: fn(usize, usize) -> bool) -> Option<f64> {
 
 /// How alike judges rank the programs, against one driver: a Markdown table of Kendall's tau-b, one judge a row and column.
 pub fn judges(of: &Transferred, driver: usize) -> String {
-    let share = |program: usize, judge: Reading| {
+    let share = |program: usize, judge: Read| {
         let values: Vec<f64> = of.values(program, driver, judge).into_iter().flatten().collect();
         num::mean(&values).unwrap_or(0.0)
     };

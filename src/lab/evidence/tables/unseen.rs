@@ -3,50 +3,47 @@
 
 use std::collections::BTreeSet;
 
-use super::archives;
+use super::archives::{self, LineageArchive, Scores};
+use super::basis::{Combine, Derivation, Leaf, Repetition, Selected};
+use super::derivations::{Derivations, Source};
 use super::error::TableError;
-use super::key::Reads;
-use super::labels;
-use super::layout::{Cell, Column, Form, METHOD, Numbers, POLICY, Part, Table};
+use super::key::RowKey;
+use super::layout::{Cell, Column, Form, METHOD, POLICY, Part, Table, Told, heads};
 use super::notes;
 use super::resampled::Resampled;
-use super::safebench::{COUNTS, FRONTIERS, REDRAWN, Subject, in_order, main_numbers, told_columns};
+use super::safebench::{
+    COUNTS, EVOLVED, Kept, Look, Main, PARENT, Subject, archives_of, in_order, scored, told_columns,
+};
 use crate::evaluation::Group;
 use crate::evidence::recorded_run::RecordedRun;
-use crate::kernel::num;
 use crate::objects::SolutionId;
-use crate::objects::benchmark::{Benchmark, BenchmarkRow};
+use crate::objects::benchmark::{Benchmark, BenchmarkRow, HeldOutRun};
 use crate::objects::event::LineageResult;
 use crate::scene::safebench::TrafficFamily;
 use crate::statistics::bootstrap::Estimate;
 
 /// The table's name.
-pub(super) const NAME: &str = "safebench-held-out";
+const NAME: &str = "safebench-held-out";
 
 /// Rows of the parent and of the program that was chosen.
 type Both = [BenchmarkRow; 2];
 /// A number of both.
-type SeenRead = fn(&Both) -> Option<f64>;
+type SeenRead = fn(&Both) -> f64;
 
-const fn seen_column(key: &'static str, head: &'static str, form: Form) -> Column {
-    Column { key, group: "Seen routes", head, upward: Some(true), form }
+const fn seen_column(key: &'static str, head: &'static str) -> Column {
+    Column { key, group: "Seen routes", head, upward: Some(true), form: Form::Rate }
 }
 
 /// Columns of the routes that evolution saw.
-const SEEN: [(Column, SeenRead); 4] = [
-    (seen_column("seen_parent_attack", "Parent Attack", Form::Rate), |[parent, _]| Some(parent.attack)),
-    (seen_column("seen_evolved_attack", "Chosen Attack", Form::Rate), |[_, chosen]| Some(chosen.attack)),
-    (seen_column("seen_parent_ars", "Parent ARS", Form::Rate), |[parent, _]| Some(parent.realism)),
-    (seen_column("seen_evolved_ars", "Chosen ARS", Form::Rate), |[_, chosen]| Some(chosen.realism)),
+const SEEN: [(Column, Look, SeenRead); 4] = [
+    (seen_column("seen_parent_attack", "Parent Attack"), PARENT, |[parent, _]| parent.attack),
+    (seen_column("seen_evolved_attack", "Chosen Attack"), EVOLVED, |[_, chosen]| chosen.attack),
+    (seen_column("seen_parent_ars", "Parent ARS"), PARENT, |[parent, _]| parent.realism),
+    (seen_column("seen_evolved_ars", "Chosen ARS"), EVOLVED, |[_, chosen]| chosen.realism),
 ];
 
-/// The number of a column of the seen routes.
-pub(super) fn seen_of(key: &str) -> Option<SeenRead> {
-    SEEN.iter().find(|(column, _)| column.key == key).map(|(_, read)| *read)
-}
-
 /// What the parent and the chosen program did on all evolution scenes.
-pub(super) fn seen(run: &RecordedRun, result: &LineageResult) -> Option<Both> {
+fn seen(run: &RecordedRun, result: &LineageResult) -> Option<Both> {
     let of = |solution: &SolutionId| {
         let finalist = run.finalists.iter().find(|f| f.lineage == result.lineage && f.solution == *solution)?;
         Some(finalist.score.benchmark.as_ref()?.mean)
@@ -56,23 +53,89 @@ pub(super) fn seen(run: &RecordedRun, result: &LineageResult) -> Option<Both> {
 
 /// A row a generator and ego: its parent and the program that was chosen, on held-out routes and on seen ones.
 pub fn safebench_held_out(runs: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = archives::held_out(runs)?;
-    let columns = columns(&all);
+    let bases = Derivations::of(runs);
+    let all = bases.held_out()?;
+    let (seen, held_out) = (SEEN.map(told), columns(all));
     let row = |of: &Subject<'_>| {
-        let numbers: Numbers = seen_numbers(runs, of).into_iter().chain(main_numbers(&of.seeds)).collect();
-        of.row(Reads::ByColumn, &[], Cell::row(&columns, &numbers, None))
+        let resampled = of.resampled();
+        let on_held_out = held_out.iter().map(|of| cell(*of, resampled.as_ref()));
+        of.row(&[], Cell::derived(&bases, &of.key(), &seen, None).into_iter().chain(on_held_out).collect())
     };
-    let rows = in_order(&all).iter().filter(|of| !of.seeds.is_empty()).map(row).collect();
+    let rows = in_order(all).iter().filter(|of| !of.seeds.is_empty()).map(row).collect();
     let title = "SafeBench: the chosen programs on routes that evolution did not see".to_string();
     Ok(Table {
         name: NAME,
         labels: vec![METHOD, POLICY],
-        columns: columns.clone(),
+        columns: heads(&seen).into_iter().chain(held_out.iter().map(|of| of.column)).collect(),
         counts: COUNTS.to_vec(),
         parts: vec![Part { name: NAME.into(), title, source: None, rows }],
         runs: notes::runs(runs)?,
-        notes: notes(runs, &all),
+        notes: notes(runs, all),
     })
+}
+
+/// A number of labels on the routes that evolution saw; none where one repetition has none.
+fn told((column, look, read): (Column, Look, SeenRead)) -> Told {
+    let source = Source::of(move |bases, row| {
+        Some(derivation(bases, row, look, (column.key, "that evolution saw"), |_, (run, result), programs| {
+            let programs: Vec<SolutionId> = programs.iter().map(|(_, of)| (*of).clone()).collect();
+            let leaves = run.opened.evolution_scenes.iter().map(|scene| Leaf::scene(scene, &programs, None));
+            (seen(run, result).map(|both| read(&both)), leaves.collect())
+        }))
+    });
+    (column, source)
+}
+
+/// A number of one program's runs on held-out routes.
+fn cell(of: Main, resampled: Option<&Resampled>) -> Cell {
+    let number = move |scores: &Scores| of.number(scores);
+    scored(of.column, number, resampled, None, move |bases, row, number| {
+        derivation(bases, row, of.look, (of.column.key, "held out"), |archive, (run, _), programs| {
+            let leaf = |round: u32, solution: &SolutionId, one: &HeldOutRun| Leaf {
+                selected: one.run.map(|run| Selected { round, run }),
+                note: Some(match one.run {
+                    Some(_) => one.group.clone(),
+                    None => format!("{}: could not be run, counts as invalid", one.group),
+                }),
+                ..Leaf::scene(&one.scene, std::slice::from_ref(solution), None)
+            };
+            let leaves = programs.iter().flat_map(|(round, solution)| {
+                let of = run.held_out.iter().find(|h| h.lineage == archive.lineage && h.solution == **solution);
+                of.into_iter().flat_map(|of| &of.runs).map(move |one| leaf(*round, solution, one))
+            });
+            (number(&archive.scores()), leaves.collect())
+        })
+    })
+}
+
+/// A run with a lineage's result.
+type Recorded<'a> = (&'a RecordedRun, &'a LineageResult);
+
+/// From a repetition's number with its leaves, by the programs that are looked at: each with the place of its round; both where it is a change.
+fn derivation(
+    bases: &Derivations<'_>,
+    row: &RowKey,
+    look: Look,
+    (key, where_): (&str, &str),
+    number: impl Fn(&LineageArchive, Recorded<'_>, &[(u32, &SolutionId)]) -> (Option<f64>, Vec<Leaf>),
+) -> Derivation {
+    let part = |archive: &LineageArchive| -> Option<Repetition> {
+        let (run, result) = bases.result(archive.place, &archive.lineage)?;
+        let [parent, chosen] = [(0, &result.parent.solution), (1, &result.evolved.solution)];
+        let programs = match look {
+            PARENT => vec![parent],
+            EVOLVED => vec![chosen],
+            _ => vec![parent, chosen],
+        };
+        let (value, leaves) = number(archive, (run, result), &programs);
+        let programs = programs.into_iter().map(|(_, of)| of.clone()).collect();
+        Some(Repetition { programs, ..archive.part(value, leaves) })
+    };
+    let parts = archives_of(bases.held_out(), row).filter_map(part).collect();
+    let formula = format!(
+        "mean over repetitions of {key} of all runs on the routes {where_}, families weighing alike (docs/OBJECTIVES.md)"
+    );
+    Derivation::of(formula, Combine::MeansOfAll, parts)
 }
 
 /// What the chosen programs of a search's repetitions change of attack and of ARS on held-out routes, as the table draws it; `None` where a
@@ -80,7 +143,7 @@ pub fn safebench_held_out(runs: &[RecordedRun]) -> Result<Table, TableError> {
 pub fn held_out_change(run: &RecordedRun, of: &[&LineageResult]) -> Option<[Estimate; 2]> {
     let all = archives::held_out(std::slice::from_ref(run)).ok()?;
     let own = all.iter().filter(|archive| of.iter().any(|result| result.lineage == archive.lineage));
-    let resampled = Resampled::new(&own.map(archives::LineageArchive::archived).collect::<Vec<_>>());
+    let resampled = Resampled::new(&own.map(LineageArchive::archived).collect::<Vec<_>>());
     let change = |rate: fn(&BenchmarkRow) -> f64| {
         let of = |round: Option<&Option<Benchmark>>| Some(rate(&round?.as_ref()?.mean));
         resampled.estimate(|scores| Some(of(scores.rounds.last())? - of(scores.redrawn.last())?))
@@ -88,36 +151,21 @@ pub fn held_out_change(run: &RecordedRun, of: &[&LineageResult]) -> Option<[Esti
     Some([change(|row| row.attack)?, change(|row| row.realism)?])
 }
 
-/// The seen routes first, then the main table's columns but for the frontier's, which has no held-out reading, and the redrawn parent's:
-/// routes that chose nothing need no such control.
-fn columns(all: &[archives::LineageArchive]) -> Vec<Column> {
-    let group = |group| match group {
-        "Parent" => "Held-out: parent",
-        "Evolved" => "Held-out: chosen",
+/// The main table's columns but for the frontier's, which has no held-out reading, and the redrawn parent's: routes that chose nothing need no
+/// such control.
+fn columns(all: &[LineageArchive]) -> Vec<Main> {
+    let group = |look| match look {
+        PARENT => "Held-out: parent",
+        EVOLVED => "Held-out: chosen",
         _ => "Held-out: change",
     };
     let held_out = told_columns(all).into_iter();
-    let held_out = held_out.filter(|column| column.group != REDRAWN && !FRONTIERS.contains(&column.key));
-    let held_out = held_out.map(|column| Column { group: group(column.group), ..column });
-    SEEN.map(|(column, _)| column).into_iter().chain(held_out).collect()
-}
-
-/// Means over the repetitions of a search; none where one repetition has none.
-fn seen_numbers(runs: &[RecordedRun], of: &Subject<'_>) -> Numbers {
-    let both = |archive: &&archives::LineageArchive| -> Option<Both> {
-        let run = runs.iter().find(|run| labels::run_name(run) == archive.run)?;
-        seen(run, run.result_of(&archive.lineage)?)
-    };
-    let Some(seeds) = of.seeds.iter().map(both).collect::<Option<Vec<Both>>>() else { return Numbers::new() };
-    let number = |(column, read): &(Column, SeenRead)| {
-        let values: Option<Vec<f64>> = seeds.iter().map(read).collect();
-        Some((column.key, Estimate::plain(num::mean(&values?)?)))
-    };
-    SEEN.iter().filter_map(number).collect()
+    let held_out = held_out.filter(|of| !of.is_gain() && of.look.0 != Kept::Redrawn);
+    held_out.map(|of| Main { column: Column { group: group(of.look), ..of.column }, ..of }).collect()
 }
 
 /// What a reader must know beside the numbers.
-fn notes(runs: &[RecordedRun], all: &[archives::LineageArchive]) -> Vec<String> {
+fn notes(runs: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
     let held_out = "One program a row here, and no archive: the parent, and the one that was chosen on evolution labels alone. Held-out routes \
                     were opened after that choice, so the change there needs no redraw of the parent. The seen routes made the choice: of \
                     them no change is shown, because the best of many is ahead there whatever it does. safebench-main shows what the archive keeps of many programs on the routes that \

@@ -2,7 +2,7 @@
 //! The paper names the diagnostics, not their weights and tolerances: weights come from the experiment file, tolerances
 //! from a calibration on recorded traffic that the file names.
 
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer, ser::SerializeMap};
 use std::collections::BTreeMap;
 
 use super::diagnostic::{Counts, Diagnostic};
@@ -54,7 +54,16 @@ impl TryFrom<BTreeMap<String, f64>> for Weights {
 
 impl Serialize for Weights {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(DIAGNOSTICS.iter().filter_map(|of| self.0.get_key_value(of.name())))
+        let mut map = serializer.serialize_map(Some(self.0.len()))?;
+        for (of, weight) in DIAGNOSTICS.iter().filter_map(|of| Some((of, self.0.get(of.name())?))) {
+            // Digests tell an option from a number, and these were options when the first experiments had them.
+            if of.counts == Counts::Always {
+                map.serialize_entry(of.name(), weight)?;
+            } else {
+                map.serialize_entry(of.name(), &Some(weight))?;
+            }
+        }
+        map.end()
     }
 }
 

@@ -3,6 +3,8 @@
 pub mod metadrive;
 pub mod safebench;
 
+use super::transfer::DRIVERS;
+
 /// The figures of a printed row, each with the key of the column that shows it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figures(Vec<(&'static str, f64)>);
@@ -29,5 +31,6 @@ pub fn policy_name(ego: &str) -> Option<&'static str> {
 
 /// The ego as the paper calls it, or as we do.
 pub fn policy(ego: &str) -> String {
-    policy_name(ego).map_or(ego.to_string(), str::to_string)
+    let ours = || DRIVERS.iter().find(|(name, ..)| *name == ego).map(|(.., head)| *head);
+    policy_name(ego).or_else(ours).unwrap_or(ego).to_string()
 }

@@ -112,10 +112,11 @@ fn unknown<'p>(page: &'p str, sources: &[(String, String)]) -> Vec<&'p str> {
         let name = span.split(|c| !is_word(c) && c != ':').next().unwrap_or_default();
         match name.split("::").collect::<Vec<_>>()[..] {
             _ if span.contains('/') && !span.contains(' ') => Path::new(env!("CARGO_MANIFEST_DIR")).join(span).exists(),
-            // An item in its module's files, a variant or function in the file of its type.
-            [.., of, name] => files
-                .iter()
-                .any(|(path, defined, words)| (path.contains(of) || defined.contains(&of)) && words.contains(name)),
+            // An item in its module's files; a variant beside its type, a function where it is written for its type.
+            [.., of, name] => files.iter().any(|(path, defined, words)| {
+                (path.contains(of) || defined.contains(&of)) && words.contains(name)
+                    || words.contains(of) && defined.contains(&name)
+            }),
             [name] if name.starts_with(char::is_uppercase) => files.iter().any(|(_, _, words)| words.contains(name)),
             _ => true,
         }

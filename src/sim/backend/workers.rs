@@ -158,10 +158,10 @@ impl<'a> Workers<'a> {
         }
         let mut answer = line.into_answer().map_err(|found| wrong("a motion or a failure", found))?;
         if let Answer::Failed(rollout) = &mut answer {
-            let told = rollout.to_string();
-            let reason = stable(&told);
-            if reason != told {
-                self.start.show(&place(request), &told);
+            let text = rollout.to_string();
+            let reason = stable(&text);
+            if reason != text {
+                self.start.show(&place(request), &text);
                 *rollout = reason.into();
             }
         }

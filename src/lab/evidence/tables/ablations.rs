@@ -9,8 +9,8 @@ use super::derivations::{Derivations, SEARCHES, Source};
 use super::error::TableError;
 use super::key::{RowKey, Side};
 use super::labels::{self, LineageLabels, Reading};
-use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, Part, REPLAY, Row, Table, Told, heads};
-use super::metadrive::{SCENES, SEEDS, row, told};
+use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, Part, REPLAY, Row, Sourced, Table, heads};
+use super::metadrive::{SCENES, SEEDS, row, sourced};
 use super::notes;
 use super::paper::Figures;
 use crate::evidence::recorded_run::RecordedRun;
@@ -54,7 +54,7 @@ pub(super) const OF_RESAMPLES: Source = Source::Undivided(
 );
 
 /// Attack, realism and frontier gain of a side, and its differences to another run, where there is one.
-fn columns(side: Side, whole: Option<usize>) -> Vec<Told> {
+fn columns(side: Side, whole: Option<usize>) -> Vec<Sourced> {
     let area = Source::of(move |bases, row| (side == Side::Evolved).then(|| bases.frontier(&bases.lineages_of(row))));
     let change = move |bases: &Derivations<'_>, row: &RowKey, reading: Reading| {
         bases.paired(&bases.lineages_of(row), &bases.run(whole?), reading)
@@ -71,8 +71,8 @@ fn columns(side: Side, whole: Option<usize>) -> Vec<Told> {
     let changed = |key, head| column(key, AGAINST, head, Some(true), Form::RateChange);
     let p = |key, head| (column(key, AGAINST, head, None, Form::Rate), OF_RESAMPLES);
     vec![
-        told((ATTACK, side, labels::ATTACK)),
-        told((REALISM, side, labels::ACTED_REALISM)),
+        sourced((ATTACK, side, labels::ATTACK)),
+        sourced((REALISM, side, labels::ACTED_REALISM)),
         (column(PF_AREA, "", "PF-Area@3", Some(true), Form::Gain), area),
         (changed(attack_change, "Attack diff."), difference(labels::ATTACK)),
         (ATTACK_REL, relative(labels::ATTACK)),
@@ -158,7 +158,7 @@ impl<'a> Ablation<'a> {
     }
 
     /// A row of some of its lineages.
-    fn row(&self, labels: Vec<String>, of: &[&LineageLabels], columns: &[Told], figures: Option<&Figures>) -> Row {
+    fn row(&self, labels: Vec<String>, of: &[&LineageLabels], columns: &[Sourced], figures: Option<&Figures>) -> Row {
         let row = row(self.bases, labels, of, columns, figures);
         let seeds = of.iter().map(|lineage| lineage.replica).collect::<BTreeSet<u32>>().len();
         let rollouts = of.iter().map(|lineage| self.rollouts(&lineage.lineage)).sum();
@@ -324,7 +324,7 @@ const WALL_CLOCK: Source = Source::Undivided(
      ask for `proposed` or `simulated` of that row",
 );
 
-fn width_columns() -> Vec<Told> {
+fn width_columns() -> Vec<Sourced> {
     type Counted = fn(&Derivations<'_>, &RowKey) -> Derivation;
     let proposed: Counted = |bases, row| counted(bases, row, "proposals", |_| true);
     let simulated: Counted = |bases, row| counted(bases, row, "simulated proposals", simulated);
@@ -342,8 +342,8 @@ fn width_columns() -> Vec<Told> {
         (SERIAL_H, WALL_CLOCK),
         (PARALLEL_H, WALL_CLOCK),
         (SPEEDUP, WALL_CLOCK),
-        told((ATTACK, Side::Evolved, labels::ATTACK)),
-        told((REALISM, Side::Evolved, labels::ACTED_REALISM)),
+        sourced((ATTACK, Side::Evolved, labels::ATTACK)),
+        sourced((REALISM, Side::Evolved, labels::ACTED_REALISM)),
     ]
 }
 
@@ -418,7 +418,7 @@ pub fn kwidth(recorded_runs: &[RecordedRun]) -> Result<Table, TableError> {
 /// K.
 const WIDTH: Head = Head { key: "k", head: "K" };
 
-fn width_row(one: &Ablation<'_>, of: &[&LineageLabels], columns: &[Told]) -> Row {
+fn width_row(one: &Ablation<'_>, of: &[&LineageLabels], columns: &[Sourced]) -> Row {
     // One value a seed: only seeds are drawn.
     let hours = |way: usize| -> Quantity {
         let seed = |lineage: &&LineageLabels| PerScene {
@@ -593,14 +593,14 @@ mod tests {
             let numbers = |row: &Row| -> Vec<Option<f64>> {
                 row.cells.iter().map(|cell| row.derivation(cell.column.key, &bases)?.value()).collect()
             };
-            let wanted: Vec<_> = table.rows().map(|row| numbers(row)).collect();
+            let wanted: Vec<_> = table.rows().map(numbers).collect();
             assert!(wanted.iter().flatten().any(Option::is_some), "{}", table.name);
             let mut other = table.clone();
             for row in other.parts.iter_mut().flat_map(|part| &mut part.rows) {
                 row.labels.iter_mut().for_each(|label| *label = "renamed".into());
             }
             other.parts.iter_mut().for_each(|part| part.rows.reverse());
-            let mut estimated: Vec<_> = other.rows().map(|row| numbers(row)).collect();
+            let mut estimated: Vec<_> = other.rows().map(numbers).collect();
             estimated.reverse();
             assert_eq!(estimated, wanted, "{}", table.name);
         }

@@ -6,7 +6,7 @@ use super::derivations::{Derivations, Source};
 use super::error::TableError;
 use super::key::Side;
 use super::labels::{self, LineageLabels, Reading, ReplayLabels};
-use super::layout::{Column, Form, Head, METHOD, POLICY, Row, Table, Told, heads};
+use super::layout::{Column, Form, Head, METHOD, POLICY, Row, Sourced, Table, heads};
 use super::metadrive::{ReplayRead, replay_row, row, table};
 use super::notes;
 use super::searches::searches;
@@ -77,11 +77,11 @@ pub(super) fn of_class(class: &str) -> String {
     format!("1 where the ego meets an adversary in a contact of class {class}, else 0")
 }
 
-fn columns(side: Side) -> Vec<Told> {
-    let told = |(column, read, what): (Column, Read, String)| {
+fn columns(side: Side) -> Vec<Sourced> {
+    let sourced = |(column, read, what): (Column, Read, String)| {
         (column, Source::means(side, move |scene: &SceneScore| read(scene), what))
     };
-    readings().into_iter().map(told).collect()
+    readings().into_iter().map(sourced).collect()
 }
 
 fn notes(runs: &[RecordedRun], all: &[&LineageLabels], rows: &[Row]) -> Vec<String> {

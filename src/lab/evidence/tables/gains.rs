@@ -10,8 +10,8 @@ use super::error::TableError;
 use super::frontier::Spanned;
 use super::key::{RowKey, Side};
 use super::labels::{self, LineageLabels};
-use super::layout::{Column, Form, Row, Table, Told, heads};
-use super::metadrive::{policies, row, table, told};
+use super::layout::{Column, Form, Row, Sourced, Table, heads};
+use super::metadrive::{policies, row, sourced, table};
 use super::notes;
 use super::searches::searches;
 use crate::archive::search::Method;
@@ -74,8 +74,8 @@ const NULL_SEARCHES: [Null; 2] = [
     },
 ];
 
-fn columns(runs: &[RecordedRun]) -> Vec<Told> {
-    let read = READ.map(|(column, side)| told((column, side, labels::ATTACK)));
+fn columns(runs: &[RecordedRun]) -> Vec<Sourced> {
+    let read = READ.map(|(column, side)| sourced((column, side, labels::ATTACK)));
     let areas = AREAS.map(|(column, number)| (column, Source::of(move |bases, row| Some(area(bases, row, number)))));
     let nulls = NULL_SEARCHES.iter().flat_map(|null| {
         let place = null_run(runs, null.method);

@@ -26,10 +26,10 @@ pub struct Column {
 }
 
 /// A column with what its cells are computed from: their numbers, and what `why` says of them.
-pub(super) type Told = (Column, Source);
+pub(super) type Sourced = (Column, Source);
 
 /// The columns themselves.
-pub(super) fn heads(columns: &[Told]) -> Vec<Column> {
+pub(super) fn heads(columns: &[Sourced]) -> Vec<Column> {
     columns.iter().map(|(column, _)| *column).collect()
 }
 
@@ -52,11 +52,11 @@ impl Cell {
     pub(super) fn derived(
         bases: &Derivations<'_>,
         row: &RowKey,
-        columns: &[Told],
+        columns: &[Sourced],
         paper: Option<&Figures>,
     ) -> Vec<Cell> {
         let derivations: Vec<_> = columns.iter().map(|(_, source)| source.derivation(bases, row)).collect();
-        let cell = |((column, source), ours): (&Told, _)| Cell::new(*column, source, ours, paper);
+        let cell = |((column, source), ours): (&Sourced, _)| Cell::new(*column, source, ours, paper);
         columns.iter().zip(estimates(&derivations)).map(cell).collect()
     }
 

@@ -8,7 +8,7 @@ use super::error::TableError;
 use super::key::{RowKey, Side};
 use super::labels::{self, LineageLabels, Reading, ReplayLabels};
 use super::layout::{
-    Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table, Told, heads,
+    Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Sourced, Table, heads,
 };
 use super::notes;
 use super::paper::{self, Figures, metadrive as printed};
@@ -75,12 +75,12 @@ const READ_OF_REPLAY: [(Column, ReplayRead); 4] = [
     (PARENT_COVERAGE, |_| Some(0.0)),
 ];
 
-pub(super) fn told((column, side, reading): Read) -> Told {
+pub(super) fn sourced((column, side, reading): Read) -> Sourced {
     (column, Source::means(side, reading.of, reading.words))
 }
 
 /// The row's own change: where scenes lack a label, parent and evolved rest on different ones, and their difference is no change.
-fn relative_change() -> Told {
+fn relative_change() -> Sourced {
     let source = Source::of(|bases, row| {
         let own = bases.lineages_of(row);
         let attack = |side| bases.means(&own, side, labels::ATTACK.of, labels::ATTACK.words);
@@ -91,20 +91,20 @@ fn relative_change() -> Told {
 }
 
 /// PF-Area@3, with the spread between seeds where a search was repeated.
-fn pf_area() -> Told {
+fn pf_area() -> Sourced {
     let column = column("pf_area_at_3_pct", "Frontier", "PF-Area@3", Some(true), Form::Gain);
     (column, Source::of(|bases, row| Some(bases.frontier(&bases.lineages_of(row)))))
 }
 
 /// Columns of the main table.
-fn main_columns() -> Vec<Told> {
-    let changes = [told(ATTACK_CHANGE), relative_change(), told(RP_CHANGE), pf_area()];
-    BOTH.map(told).into_iter().chain(changes).collect()
+fn main_columns() -> Vec<Sourced> {
+    let changes = [sourced(ATTACK_CHANGE), relative_change(), sourced(RP_CHANGE), pf_area()];
+    BOTH.map(sourced).into_iter().chain(changes).collect()
 }
 
 /// Columns of the table by policy.
-fn policy_columns() -> Vec<Told> {
-    BOTH.into_iter().chain(AT_THE_END).chain([ATTACK_CHANGE, RP_CHANGE]).map(told).chain([pf_area()]).collect()
+fn policy_columns() -> Vec<Sourced> {
+    BOTH.into_iter().chain(AT_THE_END).chain([ATTACK_CHANGE, RP_CHANGE]).map(sourced).chain([pf_area()]).collect()
 }
 
 /// The paper's main table: a row a family, averaged over those of the paper's egos that were run.
@@ -192,14 +192,14 @@ pub(super) fn policies(of: &[&LineageLabels]) -> String {
 pub(super) fn replay_row(
     bases: &Derivations<'_>,
     of: &[&ReplayLabels],
-    columns: &[Told],
+    columns: &[Sourced],
     read: &[(Column, ReplayRead)],
 ) -> Row {
-    let told = |(column, _): &Told| {
+    let sourced = |(column, _): &Sourced| {
         let read = read.iter().find(|(known, _)| known.key == column.key).map(|(_, read)| *read);
         (*column, read.map_or(Source::none(), |read| Source::of(move |bases, row| Some(bases.replayed(row, read)))))
     };
-    let columns: Vec<Told> = columns.iter().map(told).collect();
+    let columns: Vec<Sourced> = columns.iter().map(sourced).collect();
     let policies: BTreeSet<&str> = of.iter().map(|replay| replay.policy.as_str()).collect();
     let suites: BTreeMap<_, usize> = of.iter().map(|replay| (replay.suite, replay.scenes.len())).collect();
     let key = RowKey::Replay(of.iter().map(|replay| replay.key()).collect());
@@ -235,7 +235,7 @@ pub(super) fn row(
     bases: &Derivations<'_>,
     labels: Vec<String>,
     of: &[&LineageLabels],
-    columns: &[Told],
+    columns: &[Sourced],
     figures: Option<&Figures>,
 ) -> Row {
     let suites: BTreeMap<_, usize> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();

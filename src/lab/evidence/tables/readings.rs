@@ -8,7 +8,7 @@ use super::derivations::{Derivations, Source};
 use super::error::TableError;
 use super::key::Side;
 use super::labels::{self, LineageLabels, Read};
-use super::layout::{Column, Form, Row, Table, Told, heads};
+use super::layout::{Column, Form, Row, Sourced, Table, heads};
 use super::metadrive::{ReplayRead, quantity, replay_row, row, table};
 use super::notes;
 use super::paper::{self, Figures, metadrive as printed};
@@ -192,7 +192,7 @@ fn columns_of(all: &[&LineageLabels]) -> &'static [(Column, Side, Read)] {
     if all.iter().any(some) { &READ } else { &READ[..TOLD_BY_ALL] }
 }
 
-fn told((column, side, read): &(Column, Side, Read)) -> Told {
+fn sourced((column, side, read): &(Column, Side, Read)) -> Sourced {
     let key = column.key.trim_start_matches("evolved_");
     let what = if key.contains("attack") { labels::ATTACK.words.into() } else { of_class(key) };
     (*column, Source::means(*side, *read, what))
@@ -203,7 +203,7 @@ pub fn metadrive_readings(runs: &[RecordedRun]) -> Result<Table, TableError> {
     let bases = Derivations::of(runs);
     let all = bases.lineages()?;
     let read = columns_of(&all);
-    let columns: Vec<Told> = read.iter().map(told).collect();
+    let columns: Vec<Sourced> = read.iter().map(sourced).collect();
     // Without a program nothing is brought about.
     let parents = read.iter().filter(|(_, side, _)| *side == Side::Parent);
     let nothing: ReplayRead = |_| Some(0.0);

@@ -305,7 +305,7 @@ fn replay_row(
     columns: &[Column],
     read: &[(&str, Metric)],
 ) -> Row {
-    let told = |column: &Column| {
+    let sourced = |column: &Column| {
         let metric = read.iter().find(|(key, _)| *key == column.key).map(|(_, metric)| *metric);
         (*column, metric.map_or(Source::none(), |metric| Source::of(move |bases, row| replayed(bases, row, metric))))
     };
@@ -314,7 +314,7 @@ fn replay_row(
     Row {
         labels: names.into_iter().chain(labels.iter().map(|label| label.to_string())).collect(),
         lineages: vec![format!("replay/{}", replay.ego)],
-        cells: Cell::derived(bases, &key, &columns.iter().map(told).collect::<Vec<_>>(), None),
+        cells: Cell::derived(bases, &key, &columns.iter().map(sourced).collect::<Vec<_>>(), None),
         key,
         counts: vec![0, replay.scenes, 1, replay.scenes],
         proposals: "none".into(),

@@ -6,7 +6,7 @@ use super::basis::{Combine, Derivation, Leaf, Repetition};
 use super::derivations::{Derivations, Source};
 use super::error::TableError;
 use super::key::{Of, RowKey};
-use super::layout::{Cell, Column, Form, Head, METHOD, POLICY, Part, Row, Table, Told, heads};
+use super::layout::{Cell, Column, Form, Head, METHOD, POLICY, Part, Row, Sourced, Table, heads};
 use super::metadrive::SEEDS;
 use super::paper::Figures;
 use super::{labels, notes};
@@ -53,7 +53,7 @@ pub(super) struct Spec {
 }
 
 impl Share {
-    fn told(&self) -> Told {
+    fn sourced(&self) -> Sourced {
         let Share { column, among, holds } = *self;
         (column, Source::of(move |bases, row| Some(counted(bases, row, |of| among(of).then(|| holds(of))))))
     }
@@ -91,7 +91,7 @@ pub(super) fn table(spec: &Spec, runs: &[RecordedRun]) -> Result<Table, TableErr
             group.proposals = labels::proposals(recorded);
         }
     }
-    let (bases, columns) = (Derivations::of(runs), spec.shares.iter().map(Share::told).collect::<Vec<_>>());
+    let (bases, columns) = (Derivations::of(runs), spec.shares.iter().map(Share::sourced).collect::<Vec<_>>());
     let row = |((family, ego, policy, run), group): ((String, String, String, Option<String>), Group<'_>)| {
         let (figures, key) = ((spec.figures)(&family, &ego), RowKey::Lineages(group.lineages.clone()));
         let count = |(_, counts): &(Head, Holds)| group.attempts.iter().filter(|attempt| counts(attempt)).count();

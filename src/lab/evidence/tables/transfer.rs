@@ -3,6 +3,7 @@
 
 use std::collections::BTreeSet;
 
+use super::drivers::DRIVERS;
 use super::key::RowKey;
 use super::labels::{self, Labels, Read};
 use super::layout::{Cell, Column, Form, Head, METHOD, Part, Row, Table};
@@ -40,17 +41,6 @@ pub struct Transferred {
     /// Program, then driver.
     pub scores: Vec<Vec<Score>>,
 }
-
-/// The drivers that can be columns: name, weights that the program carries or policy, head.
-pub const DRIVERS: [(&str, &str, &str); 7] = [
-    ("idm", "idm", "IDM"),
-    ("idm-lights", "idm-lights", "IDM, lights"),
-    ("pdm", "pdm", "PDM"),
-    ("frenet", "frenet", "Frenet"),
-    ("replay", "replay", "Replay"),
-    ("sac-metadrive", "evodrive:sac-metadrive", "SAC"),
-    ("sac-metadrive-2", "evodrive:sac-metadrive-2", "SAC 2"),
-];
 
 const EVOLVED_ON: Head = Head { key: "evolved_on", head: "Evolved on" };
 /// The row of programs that nobody evolved.

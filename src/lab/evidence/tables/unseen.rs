@@ -8,7 +8,7 @@ use super::basis::{Combine, Derivation, Leaf, Repetition, Selected};
 use super::derivations::{Derivations, Source};
 use super::error::TableError;
 use super::key::RowKey;
-use super::layout::{Cell, Column, Form, METHOD, POLICY, Part, Table, Told, heads};
+use super::layout::{Cell, Column, Form, METHOD, POLICY, Part, Sourced, Table, heads};
 use super::notes;
 use super::resampled::Resampled;
 use super::safebench::{
@@ -55,7 +55,7 @@ fn seen(run: &RecordedRun, result: &LineageResult) -> Option<Both> {
 pub fn safebench_held_out(runs: &[RecordedRun]) -> Result<Table, TableError> {
     let bases = Derivations::of(runs);
     let all = bases.held_out()?;
-    let (seen, held_out) = (SEEN.map(told), columns(all));
+    let (seen, held_out) = (SEEN.map(sourced), columns(all));
     let row = |of: &Subject<'_>| {
         let resampled = of.resampled();
         let on_held_out = held_out.iter().map(|of| cell(*of, resampled.as_ref()));
@@ -75,7 +75,7 @@ pub fn safebench_held_out(runs: &[RecordedRun]) -> Result<Table, TableError> {
 }
 
 /// A number of labels on the routes that evolution saw; none where one repetition has none.
-fn told((column, look, read): (Column, Look, SeenRead)) -> Told {
+fn sourced((column, look, read): (Column, Look, SeenRead)) -> Sourced {
     let source = Source::of(move |bases, row| {
         Some(derivation(bases, row, look, (column.key, "that evolution saw"), |_, (run, result), programs| {
             let programs: Vec<SolutionId> = programs.iter().map(|(_, of)| (*of).clone()).collect();

@@ -3,7 +3,7 @@
 pub mod metadrive;
 pub mod safebench;
 
-use super::transfer::DRIVERS;
+use super::drivers::DRIVERS;
 
 /// The figures of a printed row, each with the key of the column that shows it.
 #[derive(Clone, Debug, PartialEq)]

@@ -46,6 +46,9 @@ pub enum Measure {
     Of(fn(&AdversaryReport) -> f64),
 }
 
+/// What an adversary shows, and its own recording where it has one.
+type Shown = (f64, Option<f64>);
+
 /// A quantity that a soft diagnostic holds to a limit.
 #[derive(Debug)]
 pub struct Quantity {
@@ -53,8 +56,8 @@ pub struct Quantity {
     pub name: &'static str,
     /// Its limit by the kind of road user; `None` where the calibration has none.
     pub limit: fn(&Limits) -> Option<Limit>,
-    /// What is held to it, and that of the own recording; `None` where the outcome does not say.
-    pub of: fn(&AdversaryReport) -> Option<(f64, Option<f64>)>,
+    /// What is held to it; `None` where the outcome does not say.
+    pub of: fn(&AdversaryReport) -> Option<Shown>,
 }
 
 /// A quantity of the account that every outcome has, whose limit has its name; or of one that not every outcome has, with its limit.

@@ -34,8 +34,9 @@ impl<const WINDOW: usize> Smoothing<WINDOW> {
         for i in 0..size {
             for k in i + 1..size {
                 let share = matrix[k][i] / matrix[i][i];
-                for j in i..size {
-                    matrix[k][j] -= share * matrix[i][j];
+                let above = matrix[i];
+                for (entry, upper) in matrix[k].iter_mut().zip(above).skip(i) {
+                    *entry -= share * upper;
                 }
                 matrix[k][i] = share;
             }

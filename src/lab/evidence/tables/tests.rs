@@ -300,7 +300,7 @@ fn the_main_table_averages_over_the_papers_egos_and_says_which() {
     }
     // The ego that the paper does not have stands apart, without figures of the paper.
     let apart = table.rows().last().unwrap();
-    assert_eq!((apart.labels[1].as_str(), apart.in_paper()), ("replay", false));
+    assert_eq!((apart.labels[1].as_str(), apart.in_paper()), ("Replay", false));
 }
 
 /// Parent .5 over four scenes, evolved 1/3 over three: in the three that both are labelled in nothing changed.

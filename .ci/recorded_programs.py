@@ -5,12 +5,15 @@ import subprocess
 import sys
 
 
+HOME = pathlib.Path(__file__).resolve().parent.parent
+
+
 class Evodrive:
     def __init__(self, binary):
         self.binary = binary
 
     def __call__(self, *words):
-        ran = subprocess.run([self.binary, *map(str, words)], capture_output=True, text=True)
+        ran = subprocess.run([self.binary, *map(str, words)], cwd=HOME, capture_output=True, text=True)
         if ran.returncode:
             sys.exit(f"evodrive {' '.join(map(str, words))}: {ran.stderr}")
         return ran.stdout
@@ -21,7 +24,7 @@ class Evodrive:
 
     def programs(self, run, scratch):
         """Lineage, program file and pool of the run's held-out scenes, lineage by lineage."""
-        run, scratch = pathlib.Path(run), pathlib.Path(scratch)
+        run, scratch = pathlib.Path(run).resolve(), pathlib.Path(scratch)
         for lineage in json.loads((run / "result.json").read_text())["result"]["lineages"]:
             own = f"{run.name}-{lineage['lineage']}"
             program, held_out = scratch / f"{own}.json", scratch / f"{own}.pool"

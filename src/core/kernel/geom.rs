@@ -213,6 +213,40 @@ impl OrientedBox {
     }
 }
 
+/// A rectangle along the axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extent {
+    /// Its lowest corner, metres.
+    pub low: Vec2,
+    /// Its highest corner, metres.
+    pub high: Vec2,
+}
+
+impl Extent {
+    /// Around some places; of none it meets nothing.
+    pub fn around(places: impl IntoIterator<Item = Vec2>) -> Extent {
+        let nowhere = Vec2::new(f64::INFINITY, f64::INFINITY);
+        places.into_iter().fold(Extent { low: nowhere, high: -nowhere }, |Extent { low, high }, place| Extent {
+            low: Vec2::new(low.x.min(place.x), low.y.min(place.y)),
+            high: Vec2::new(high.x.max(place.x), high.y.max(place.y)),
+        })
+    }
+
+    /// Wider by so much on every side, metres.
+    pub fn grown(&self, margin_m: f64) -> Extent {
+        let margin = Vec2::new(margin_m, margin_m);
+        Extent { low: self.low - margin, high: self.high + margin }
+    }
+
+    /// Whether the two share a point.
+    pub fn meets(&self, other: &Extent) -> bool {
+        self.low.x <= other.high.x
+            && self.high.x >= other.low.x
+            && self.low.y <= other.high.y
+            && self.high.y >= other.low.y
+    }
+}
+
 /// Where a point falls on a polyline.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Projection {
@@ -342,14 +376,14 @@ impl Polyline {
         let coarse = self.points.iter().step_by(COARSE).map(|at| (*at - point).norm_squared());
         let mut bound_m = coarse.fold(f64::INFINITY, f64::min).sqrt() + SLACK_M;
         let (mut best, mut best_distance) = ((0, 0.0), f64::INFINITY);
-        let mut i = 0;
-        while i < last {
-            let passed_m = self.lengths[i] + ((self.points[i] - point).norm() - bound_m);
+        // The line up to there lies too far away.
+        let mut passed_m = f64::NEG_INFINITY;
+        for i in 0..last {
             if self.lengths[i + 1] < passed_m {
-                // From end to end: a search by halves costs more where little is passed over.
-                while i < last && self.lengths[i + 1] < passed_m {
-                    i += 1;
-                }
+                continue;
+            }
+            passed_m = self.lengths[i] + ((self.points[i] - point).norm() - bound_m);
+            if self.lengths[i + 1] < passed_m {
                 continue;
             }
             let (share, distance) = self.nearest_of(i, point);
@@ -357,7 +391,6 @@ impl Polyline {
                 (best, best_distance) = ((i, share), distance);
                 bound_m = bound_m.min(distance.sqrt() + SLACK_M);
             }
-            i += 1;
         }
         self.projection(point, best, best_distance)
     }

@@ -17,7 +17,7 @@ pub mod total;
 pub use canon::canonical_bytes;
 pub use digest::{Digest, Hashing};
 pub use formula::Formula;
-pub use geom::{OrientedBox, Polyline, Pose, Vec2};
+pub use geom::{Extent, OrientedBox, Polyline, Pose, Vec2};
 pub use kept::LruCache;
 pub use rng::{Seed, Stream};
 pub use threads::Threads;

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::player::{escaped, script_json};
 use crate::kernel::geom::{beside_piece, needed_points};
-use crate::kernel::{Vec2, num};
+use crate::kernel::{Extent, Vec2, num};
 use crate::scene::{AgentKind, LaneKind, Scene, Track};
 
 const JS: &str = include_str!("assets/browse.js");
@@ -124,11 +124,7 @@ impl Frame {
     fn around(way: &[Vec2]) -> Frame {
         let first = way.first().copied().unwrap_or(Vec2::ZERO);
         let near = way.iter().filter(|at| at.distance(first) < 2.0 * HALF_MAX_M);
-        let (mut low, mut high) = (first, first);
-        for at in near {
-            low = Vec2::new(low.x.min(at.x), low.y.min(at.y));
-            high = Vec2::new(high.x.max(at.x), high.y.max(at.y));
-        }
+        let Extent { low, high } = Extent::around(near.copied().chain([first]));
         let half_m = (0.5 * (high.x - low.x).max(high.y - low.y) + AROUND_M).clamp(HALF_MIN_M, HALF_MAX_M);
         Frame { centre: (low + high) * 0.5, half_m }
     }

@@ -9,7 +9,7 @@ use super::helvetica::wrapped;
 use super::panel::{Panel, panel};
 use super::player::escaped;
 use super::svg::{Frame, SvgOptions, Theme, View, key_of_roles, roles_seen, told_moment};
-use crate::kernel::Vec2;
+use crate::kernel::{Extent, Vec2};
 
 /// How a strip is made.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,11 +69,7 @@ fn meeting(drawing: &Drawing, steps: &[usize], contact: &Contact, whole: &View) 
         let shown = actor.samples.iter().take(contact.step + 1).skip(first);
         shown.flatten().map(|sample| Vec2::new(sample[0], sample[1]))
     });
-    let (mut low, mut high) = (contact.point, contact.point);
-    for place in ways {
-        (low, high) =
-            (Vec2::new(low.x.min(place.x), low.y.min(place.y)), Vec2::new(high.x.max(place.x), high.y.max(place.y)));
-    }
+    let Extent { low, high } = Extent::around(ways.chain([contact.point]));
     let size = high - low;
     let wide = size.x.max(size.y * whole.width_px / whole.height_px) + 2.0 * AROUND_WAYS_M;
     whole.zoomed(low.lerp(high, 0.5), wide.max(WAYS_M).min(whole.width_m()))

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use super::drawing::{Actor, Contact, Drawing, LineStyle, Role};
 use super::lettering::{Label, Letters, Wanted, placed};
 use super::player::escaped;
-use crate::kernel::{OrientedBox, Vec2};
+use crate::kernel::{Extent, OrientedBox, Vec2};
 use crate::scene::LightState;
 
 /// Colours of a picture.
@@ -256,11 +256,7 @@ impl View {
         if points.is_empty() {
             points.push(Vec2::ZERO);
         }
-        let fold = |f: fn(f64, f64) -> f64, start: f64| {
-            Vec2::new(points.iter().fold(start, |m, p| f(m, p.x)), points.iter().fold(start, |m, p| f(m, p.y)))
-        };
-        let around = Vec2::new(margin, margin);
-        let (low, high) = (fold(f64::min, f64::INFINITY) - around, fold(f64::max, f64::NEG_INFINITY) + around);
+        let Extent { low, high } = Extent::around(points).grown(margin);
         View::fitted(low, high, options.width_px.clamp(200.0, 8000.0))
     }
 
@@ -306,12 +302,7 @@ impl View {
 
     /// Whether any of the points lies in the picture or near it.
     fn shows(&self, points: &[Vec2]) -> bool {
-        let (mut low, mut high) = (Vec2::new(f64::INFINITY, f64::INFINITY), Vec2::new(-f64::INFINITY, -f64::INFINITY));
-        for p in points {
-            low = Vec2::new(low.x.min(p.x), low.y.min(p.y));
-            high = Vec2::new(high.x.max(p.x), high.y.max(p.y));
-        }
-        low.x <= self.high.x && high.x >= self.low.x && low.y <= self.high.y && high.y >= self.low.y
+        Extent::around(points.iter().copied()).meets(&Extent { low: self.low, high: self.high })
     }
 
     /// Width in pixels of a line of this width in metres, but never too thin to see.

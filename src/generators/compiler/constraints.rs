@@ -2,7 +2,7 @@
 //! all; how good a motion is, the realism diagnostics say.
 
 use super::CompileFailure;
-use crate::kernel::Vec2;
+use crate::kernel::{Extent, Vec2};
 use crate::motion::Candidate;
 use crate::scene::DT_S;
 use crate::stage::{Part, Situation};
@@ -28,7 +28,7 @@ pub fn check(
         let found = format!("{} samples", candidate.samples.len());
         return fail("interface", 0, found, "no more samples than the window has steps");
     }
-    let (low, high) = bounds(situation);
+    let Extent { low, high } = bounds(situation);
     let mut last: Option<Vec2> = None;
     for (k, sample) in candidate.samples.iter().enumerate() {
         let finite = sample.position.is_finite() && sample.velocity.is_finite() && sample.heading_rad.is_finite();
@@ -50,16 +50,9 @@ pub fn check(
 }
 
 /// The rectangle around road, route and actors, with its margin.
-fn bounds(situation: &Situation) -> (Vec2, Vec2) {
+fn bounds(situation: &Situation) -> Extent {
     let scene = &situation.scene;
     let road = scene.road.lanes.iter().flat_map(|lane| &lane.centre).copied();
     let tracks = scene.tracks.iter().flat_map(|t| t.samples.iter().flatten().map(|s| s.position));
-    let (mut low, mut high) =
-        (Vec2::new(f64::INFINITY, f64::INFINITY), Vec2::new(f64::NEG_INFINITY, f64::NEG_INFINITY));
-    for p in road.chain(scene.ego.route.iter().copied()).chain(tracks) {
-        low = Vec2::new(low.x.min(p.x), low.y.min(p.y));
-        high = Vec2::new(high.x.max(p.x), high.y.max(p.y));
-    }
-    let margin = Vec2::new(MARGIN_M, MARGIN_M);
-    (low - margin, high + margin)
+    Extent::around(road.chain(scene.ego.route.iter().copied()).chain(tracks)).grown(MARGIN_M)
 }

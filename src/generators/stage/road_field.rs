@@ -8,7 +8,7 @@
 //! Beside it `LaneGraph::off_road_m` and `sim::drivable` give exact distances over the same pieces, but only beside the
 //! road and without slopes: a search that must feel how deep in the road it is cannot use them, nor they this raster.
 
-use crate::kernel::{OrientedBox, Vec2, num};
+use crate::kernel::{Extent, OrientedBox, Vec2, num};
 use crate::scene::{LaneGraph, Scene};
 
 /// Distance of two nodes where the scene is small enough, metres.
@@ -39,12 +39,7 @@ impl RoadField {
         }
         let moving = scene.tracks.iter().chain([&scene.ego.track]).flat_map(|t| t.samples.iter().flatten());
         let places = moving.map(|s| s.position).chain(scene.ego.route.iter().copied());
-        let (mut low, mut high) =
-            (Vec2::new(f64::INFINITY, f64::INFINITY), Vec2::new(f64::NEG_INFINITY, f64::NEG_INFINITY));
-        for p in places.filter(|p| p.is_finite()) {
-            low = Vec2::new(low.x.min(p.x), low.y.min(p.y));
-            high = Vec2::new(high.x.max(p.x), high.y.max(p.y));
-        }
+        let Extent { low, high } = Extent::around(places.filter(|p| p.is_finite()));
         let margin = Vec2::new(MARGIN_M, MARGIN_M);
         let (low, size) = (low - margin, high - low + margin * 2.0);
         if !(size.x.is_finite() && size.y.is_finite()) {

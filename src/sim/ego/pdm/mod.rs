@@ -25,6 +25,7 @@ use std::collections::BTreeSet;
 use crate::kernel::Vec2;
 use crate::sim::{ActorRef, Control, Driver, Plant, View};
 use centreline::{Centreline, Pose, route_lanes};
+use comfort::Comfort;
 use proposals::Trajectory;
 use score::{Judge, Judgement};
 use settings::{STATES, STEP_S};
@@ -43,6 +44,7 @@ struct Way {
 /// The driver.
 pub struct PdmDriver {
     settings: Settings,
+    comfort: Comfort,
     way: Option<Way>,
     /// Whom the ego overlapped once: they are passed over for ever.
     passed_over: BTreeSet<ActorRef>,
@@ -51,7 +53,7 @@ pub struct PdmDriver {
 impl PdmDriver {
     /// With the published constants, or others.
     pub fn new(settings: Settings) -> PdmDriver {
-        PdmDriver { settings, way: None, passed_over: BTreeSet::new() }
+        PdmDriver { settings, comfort: Comfort::new(), way: None, passed_over: BTreeSet::new() }
     }
 }
 
@@ -85,6 +87,7 @@ impl Driver for PdmDriver {
             centreline: &way.paths[0],
             car: &car,
             others: &others,
+            comfort: &self.comfort,
             settings,
         };
         let judged = judge.judged(&simulated);

@@ -7,9 +7,12 @@ use super::comfort::Comfort;
 use super::forecast::{Other, contact_kind};
 use super::settings::{AHEAD_RAD, PROGRESS_MIN_M, STATES, STEP_S, Settings};
 use super::simulated::{Car, State};
-use crate::kernel::{OrientedBox, Vec2};
+use crate::kernel::{Extent, OrientedBox};
 use crate::sim::Plant;
 use crate::sim::fault::{BEHIND_RAD, ContactKind, OTHER_STANDS_MPS, seen_at_rad};
+
+/// More than rounding amounts to in a distance, metres.
+const SLACK_M: f64 = 0.01;
 
 /// A proposal as it was judged.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +31,7 @@ pub struct Judge<'a> {
     pub centreline: &'a Centreline,
     pub car: &'a Car,
     pub others: &'a [Other],
+    pub comfort: &'a Comfort,
     pub settings: &'a Settings,
 }
 
@@ -43,8 +47,8 @@ struct Parts {
 impl Judge<'_> {
     /// The judgements, in the order of the proposals.
     pub fn judged(&self, proposals: &[[State; STATES]]) -> Vec<Judgement> {
-        let comfort = Comfort::new();
-        let parts: Vec<Parts> = proposals.iter().map(|states| self.parts(states, &comfort)).collect();
+        let moving = self.moving();
+        let parts: Vec<Parts> = proposals.iter().map(|states| self.parts(states, &moving)).collect();
         let worth = |part: &Parts| part.progress_m * part.multiplier;
         let best_m = parts.iter().map(worth).fold(0.0, f64::max);
         let judged = |part: &Parts| {
@@ -65,10 +69,10 @@ impl Judge<'_> {
         parts.iter().map(judged).collect()
     }
 
-    fn parts(&self, states: &[State; STATES], comfort: &Comfort) -> Parts {
+    fn parts(&self, states: &[State; STATES], moving: &[(&Other, Extent)]) -> Parts {
         let boxes = states.each_ref().map(|state| self.car.footprint(state.position, state.heading_rad));
         let areas = boxes.each_ref().map(|own| areas(self.plant, self.on_route, own));
-        let near = self.near(states, &boxes);
+        let near = self.near(moving, states, &boxes);
         let (struck, at_fault_s) = collisions(&near, states, &boxes, &areas);
         let on_road = f64::from(!areas.iter().any(|area| area.off_road));
         let (from_m, _) = self.centreline.project(boxes[0].center);
@@ -77,22 +81,37 @@ impl Judge<'_> {
             multiplier: struck * on_road * self.direction(&boxes, &areas),
             progress_m: (to_m - from_m).max(0.0),
             is_far_from_collision: self.is_far_from_collision(&near, states, &boxes, &areas),
-            is_comfortable: comfort.holds(states, self.car.wheelbase_m, self.settings),
+            is_comfortable: self.comfort.holds(states, self.car.wheelbase_m, self.settings),
             at_fault_s,
         }
     }
 
-    /// The others but lights whom some box may meet, now or looking ahead: the rest is passed over at once.
-    fn near(&self, states: &[State; STATES], boxes: &[OrientedBox; STATES]) -> Vec<&Other> {
-        let looks_s = self.settings.collision_looks_s.into_iter().fold(0.0, f64::max);
-        let fastest_mps = states.iter().map(|state| state.speed_mps.abs()).fold(0.0, f64::max);
-        let way = Extent::of(boxes.iter().map(|own| own.center), boxes[0].radius() + fastest_mps * looks_s);
-        let last = STATES + (looks_s / STEP_S) as usize;
-        let is_near = |other: &&Other| {
+    /// The others but lights, each with the rectangle that it does not leave while proposals are looked at.
+    fn moving(&self) -> Vec<(&Other, Extent)> {
+        let last = STATES + (self.looks_s() / STEP_S) as usize;
+        let around = |other: &Other| {
             let ends = [other.at_step(0).center, other.at_step(last).center];
-            !other.is_light && way.meets(&Extent::of(ends.into_iter(), other.now.radius()))
+            Extent::around(ends).grown(other.now.radius() + SLACK_M)
         };
-        self.others.iter().filter(is_near).collect()
+        self.others.iter().filter(|other| !other.is_light).map(|other| (other, around(other))).collect()
+    }
+
+    /// Those whom some box may meet, now or looking ahead: the rest is passed over at once.
+    fn near<'o>(
+        &self,
+        moving: &[(&'o Other, Extent)],
+        states: &[State; STATES],
+        boxes: &[OrientedBox; STATES],
+    ) -> Vec<&'o Other> {
+        let fastest_mps = states.iter().map(|state| state.speed_mps.abs()).fold(0.0, f64::max);
+        let reach_m = boxes[0].radius() + fastest_mps * self.looks_s();
+        let way = Extent::around(boxes.iter().map(|own| own.center)).grown(reach_m + SLACK_M);
+        moving.iter().filter(|(_, around)| way.meets(around)).map(|(other, _)| *other).collect()
+    }
+
+    /// The farthest look ahead, s.
+    fn looks_s(&self) -> f64 {
+        self.settings.collision_looks_s.into_iter().fold(0.0, f64::max)
     }
 
     /// 1, .5 or 0 by the longest way against traffic.
@@ -168,37 +187,12 @@ fn collisions(
     (worth, first)
 }
 
-/// A rectangle along the axes that holds places with a margin.
-struct Extent {
-    low: Vec2,
-    high: Vec2,
-}
-
-impl Extent {
-    fn of(places: impl Iterator<Item = Vec2>, margin_m: f64) -> Extent {
-        // More than rounding amounts to.
-        let margin = Vec2::new(margin_m + 0.01, margin_m + 0.01);
-        let around = |at: Vec2| Extent { low: at - margin, high: at + margin };
-        let both = |a: Extent, b: Extent| Extent {
-            low: Vec2::new(a.low.x.min(b.low.x), a.low.y.min(b.low.y)),
-            high: Vec2::new(a.high.x.max(b.high.x), a.high.y.max(b.high.y)),
-        };
-        places.map(around).reduce(both).unwrap_or_else(|| around(Vec2::ZERO))
-    }
-
-    fn meets(&self, other: &Extent) -> bool {
-        self.low.x <= other.high.x
-            && other.low.x <= self.high.x
-            && self.low.y <= other.high.y
-            && other.low.y <= self.high.y
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::centreline::route_lanes;
     use super::super::settings::PUBLISHED;
     use super::*;
+    use crate::kernel::Vec2;
     use crate::scene::AgentKind;
     use crate::scene::fixture::two_lane_scene;
     use crate::sim::Size;
@@ -217,7 +211,7 @@ mod tests {
             let other = Other { now, course, speed_mps: theirs_mps, is_agent: true, is_light: false };
             let on_route = route_lanes(&plant, &centreline);
             let others = [other];
-            let judge = Judge { plant: &plant, on_route: &on_route, centreline: &centreline, car: &car, others: &others, settings: &PUBLISHED };
+            let judge = Judge { plant: &plant, on_route: &on_route, centreline: &centreline, car: &car, others: &others, comfort: &Comfort::new(), settings: &PUBLISHED };
             let mut position = Vec2::ZERO;
             let states: [State; STATES] = std::array::from_fn(|k| {
                 let heading_rad = turn_radps * STEP_S * k as f64;
@@ -233,7 +227,7 @@ mod tests {
                     there.overlaps(&other.at_step(k + (ahead_s / STEP_S + 0.5) as usize))
                 })
             });
-            prop_assert!(!met || !judge.near(&states, &boxes).is_empty());
+            prop_assert!(!met || !judge.near(&judge.moving(), &states, &boxes).is_empty());
         }
     }
 }

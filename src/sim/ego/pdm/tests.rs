@@ -70,7 +70,9 @@ fn worth(proposals: &[[State; STATES]], others: &[Other]) -> Vec<Judgement> {
     let on_route = route_lanes(&plant, &centreline);
     let car = Car::of(Size::new(AgentKind::Vehicle, 4.5, 1.9));
     let settings = &PUBLISHED;
-    Judge { plant: &plant, on_route: &on_route, centreline: &centreline, car: &car, others, settings }.judged(proposals)
+    let comfort = &Comfort::new();
+    Judge { plant: &plant, on_route: &on_route, centreline: &centreline, car: &car, others, comfort, settings }
+        .judged(proposals)
 }
 
 fn score(states: [State; STATES], others: &[Other]) -> f64 {

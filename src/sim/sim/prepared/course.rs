@@ -3,13 +3,13 @@
 
 use std::sync::Arc;
 
-use crate::kernel::Vec2;
+use crate::kernel::{Extent, Vec2};
 use crate::scene::pieces::Pieces;
 use crate::scene::{Lane, LaneKind, Road, Scene};
 
 use super::drivable::Drivable;
 use super::path::Path;
-use super::segment::{Segment, around};
+use super::segment::Segment;
 
 /// Lines farther than this from the box around the route are left out, metres.
 const NEAR_M: f64 = 40.0;
@@ -29,14 +29,12 @@ pub(in crate::sim) struct Course {
 impl Course {
     pub fn new(scene: &Scene, route: &Path) -> Course {
         let lanes: Vec<&Lane> = scene.road.lanes.iter().filter(|l| is_driven(l)).collect();
-        let (low, high) = around(route.points().iter().copied());
-        let reach = Vec2::new(NEAR_M, NEAR_M);
-        let (low, high) = (low - reach, high + reach);
+        let around = Extent::around(route.points().iter().copied()).grown(NEAR_M);
         // Inside junctions no lines are painted.
         let marked = lanes.iter().filter(|lane| !is_connector(lane, &scene.road));
         let lines = marked.flat_map(|lane| [&lane.left, &lane.right]);
         let pieces = lines.flat_map(|line| line.windows(2).map(|w| Segment::new(w[0], w[1])));
-        let marks = pieces.filter(|m| m.meets(low, high)).collect();
+        let marks = pieces.filter(|m| m.meets(&around)).collect();
         let mut stop_lines_s_m: Vec<f64> = scene.stop_signs.iter().flat_map(|s| stop_line(scene, s, route)).collect();
         stop_lines_s_m.sort_by(f64::total_cmp);
         // One sign may name several lanes of one approach.

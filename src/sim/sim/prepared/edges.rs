@@ -4,9 +4,9 @@
 //! way was from the edge before it, or as far as it got on the other side, whichever is less: no speed, stop or return makes that
 //! smaller.
 
-use crate::kernel::{Polyline, Vec2};
+use crate::kernel::{Extent, Polyline, Vec2};
 
-use super::segment::{Segment, around};
+use super::segment::Segment;
 
 /// Two lines whose ends lie this near to each other are one edge, metres.
 const JOIN_M: f64 = 0.5;
@@ -40,8 +40,8 @@ impl Edges {
     /// its distances from the edge before and on the other side after, each as long as it runs beside the edge, at places that
     /// `counts` names; the largest of these. Who begins beside the edge has come from farther.
     pub fn across_m(&self, way: &[Vec2], from: usize, counts: impl Fn(Vec2) -> bool) -> f64 {
-        let (low, high) = around(way.iter().copied());
-        let near: Vec<_> = self.pieces.iter().filter(|(piece, ..)| piece.meets(low, high)).collect();
+        let around = Extent::around(way.iter().copied());
+        let near: Vec<_> = self.pieces.iter().filter(|(piece, ..)| piece.meets(&around)).collect();
         let mut most_m: f64 = 0.0;
         for k in from.max(1)..way.len() {
             let step = Segment::new(way[k - 1], way[k]);

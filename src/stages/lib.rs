@@ -4,7 +4,7 @@
 
 #![forbid(unsafe_code)]
 
-pub(crate) use evodrive_core::{kernel, objects, scene};
+pub(crate) use evodrive_core::{kernel, objects, scene, statistics};
 
 pub mod archive;
 pub mod lineage;

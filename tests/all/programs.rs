@@ -188,6 +188,29 @@ fn a_program_that_does_nothing_is_shown_as_that() {
     assert!((paired(&own)["value"].as_f64().unwrap() - difference).abs() < 1e-12, "{}", paired(&own));
 }
 
+/// Rules that ask nothing of a contact but its class credit a program that does nothing with what the ego runs into anyway.
+#[test]
+fn where_any_contact_counts_the_row_without_a_program_has_the_attack_of_one_that_does_nothing() {
+    let (dir, file, ..) = exported();
+    let read = ProgramFile::read(file).unwrap();
+    let toy = dir.path().join("idle-by-the-papers-rules.json");
+    sealed(ProgramFile { program: idle(&read.program), ..read }, &toy);
+    let pool = finished().1.join("scenes.pool");
+    let rules = home().join("experiments/published.toml");
+    let mut command = evodrive();
+    command.args(["--json", "apply", path(&toy), "--scenes", path(&pool), "--ego", "idm", "--rules", path(&rules)]);
+    let applied = json(&Ran::of(&mut command));
+    let rows = &applied["tables"][0]["rows"];
+    let value = |row: usize, key: &str| rows[row]["values"][key]["ours"]["value"].as_f64().unwrap();
+    assert!(value(2, "attack") > 0.0 && value(2, "coverage") == 0.0, "{rows}");
+    for row in [0, 2] {
+        assert_eq!(
+            (value(row, "attack"), value(row, "any_contact")),
+            (value(2, "any_contact"), value(2, "any_contact"))
+        );
+    }
+}
+
 #[test]
 fn a_lineage_starts_from_an_exported_program_and_carries_it_in_its_run() {
     let (_, _, attempt, score) = exported();

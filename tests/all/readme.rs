@@ -47,7 +47,7 @@ fn sides(golden: &str, lineage: &str) -> [Vec<f64>; 2] {
     let at = lines.iter().position(|line| line.starts_with(lineage)).unwrap();
     let numbers = |line: &String| {
         let cells: Vec<&str> = line.split_whitespace().collect();
-        cells[cells.len() - 6..].iter().map(|cell| cell.parse().unwrap()).collect()
+        cells[cells.len() - 7..].iter().map(|cell| cell.parse().unwrap()).collect()
     };
     [numbers(&lines[at]), numbers(&lines[at + 1])]
 }

@@ -60,6 +60,9 @@ pub struct Opened {
     pub provenance: Option<Digest>,
     /// Scene ids that evolution may see, in pool order, and those that stay closed until it is over.
     pub evolution_scenes: Vec<String>,
+    /// Ids of the scenes on which finalists are chosen; none where that is done on those of evolution.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub selection_scenes: Vec<String>,
     /// Ids of the scenes that stay closed until selection is over.
     pub held_out_scenes: Vec<String>,
     /// Versions of meaning.
@@ -228,7 +231,7 @@ pub struct Finalist {
     pub lineage: LineageId,
     /// Which program.
     pub solution: SolutionId,
-    /// Its score on the whole evolution pool.
+    /// Its score on the scenes on which finalists are chosen: those of selection, or the whole evolution pool.
     pub score: Score,
 }
 

@@ -4,6 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::benchmark::BenchmarkRow;
+use super::rules::LabelRules;
 use super::score::SceneFailure;
 
 /// Which of a study's scenes were played.
@@ -31,6 +32,13 @@ pub struct ReplayScene {
     pub route_completion: f64,
 }
 
+impl ReplayScene {
+    /// Attack of a program that does nothing, 0 or 1, with every class of contact counting.
+    pub fn attack(&self, rules: &LabelRules) -> f64 {
+        f64::from(self.contact && rules.counts_any_contact())
+    }
+}
+
 /// The row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -42,7 +50,7 @@ pub struct ReplayRow {
     /// How many of them could be played.
     pub scenes: usize,
     /// Share of scenes in which the ego meets anyone: what a program that does nothing would be credited with if any
-    /// contact counted. Its attack is 0, because it acts nowhere.
+    /// contact counted; [`ReplayRow::attack`] is what it is credited with.
     pub contact_rate: f64,
     /// Realism of the recorded traffic itself: mean over the scenes that have one, 0..=1.
     pub realism: Option<f64>,
@@ -51,6 +59,13 @@ pub struct ReplayRow {
     /// What the empty program scores in SafeBench's protocol; `None` in MetaDrive's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub benchmark: Option<BenchmarkRow>,
+}
+
+impl ReplayRow {
+    /// Attack of a program that does nothing, 0..=1, with every class of contact counting.
+    pub fn attack(&self, rules: &LabelRules) -> f64 {
+        if rules.counts_any_contact() { self.contact_rate } else { 0.0 }
+    }
 }
 
 /// The row with its scenes, in their order.

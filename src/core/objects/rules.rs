@@ -74,11 +74,14 @@ pub enum RealismMean {
     Strict,
     /// The mean over all labelled scenes, those that nobody touched counting 1 (paper eq. prelim-objectives).
     Plain,
+    /// The strict one, and no more than the share of scenes acted in where no diagnostic fails outright: a mean hides a diagnostic of
+    /// little weight that fails in most scenes.
+    Sound,
 }
 
 impl RealismMean {
     /// The words of a file.
-    pub const NAMES: [&str; 2] = ["strict", "plain"];
+    pub const NAMES: [&str; 3] = ["strict", "plain", "sound"];
 }
 
 /// `lineage[].over_egos`: what a scene's attack is, where a program is played against several drivers.
@@ -119,6 +122,14 @@ pub struct LabelRules {
     /// What a scene's label is of those against several drivers, where there are several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub over_egos: Option<OverEgos>,
+}
+
+impl LabelRules {
+    /// Whether a contact counts that no program brought about, so that doing nothing scores.
+    pub fn counts_any_contact(&self) -> bool {
+        use AttackRequirement::{Acts, Adversary, NotMetAnyway};
+        [Adversary, Acts, NotMetAnyway].into_iter().all(|of| !self.attack.has(of))
+    }
 }
 
 /// `archive.requires`: what a child must do besides what a gate asks, so that it is accepted.

@@ -76,6 +76,7 @@ pub const fn realism_name(safebench: bool, mean: RealismMean) -> &'static str {
         (true, _) => "ARS",
         (false, RealismMean::Strict) => "strict realism",
         (false, RealismMean::Plain) => "plain realism",
+        (false, RealismMean::Sound) => "sound realism",
     }
 }
 
@@ -88,6 +89,7 @@ pub struct RealismSums {
     realism: f64,
     acted: usize,
     acted_realism: f64,
+    failing: usize,
     succeeded: usize,
     attack: f64,
     attack_realism: f64,
@@ -108,6 +110,7 @@ impl RealismSums {
         if scene.acted {
             self.acted += 1;
             self.acted_realism += scene.realism;
+            self.failing += usize::from(scene.fails_outright());
             if scene.attack > 0.0 {
                 self.succeeded += 1;
                 self.attack += scene.attack;
@@ -123,6 +126,7 @@ impl RealismSums {
         if scene.acted {
             self.acted -= 1;
             self.acted_realism -= scene.realism;
+            self.failing -= usize::from(scene.fails_outright());
             if scene.attack > 0.0 {
                 self.succeeded -= 1;
                 self.attack -= scene.attack;
@@ -142,10 +146,16 @@ impl RealismSums {
         (self.acted > 0).then(|| self.acted_realism / self.acted as f64)
     }
 
-    /// R(c) by either rule.
+    /// Share of the scenes acted in where some diagnostic fails outright; `None` for a program that never acts.
+    pub fn failing_share(&self) -> Option<f64> {
+        (self.acted > 0).then(|| self.failing as f64 / self.acted as f64)
+    }
+
+    /// R(c) by one of the rules.
     pub fn realism(&self, mean: RealismMean) -> Option<f64> {
         match mean {
             RealismMean::Strict => self.strict(),
+            RealismMean::Sound => Some(self.strict()?.min(1.0 - self.failing_share()?)),
             RealismMean::Plain => (self.labelled > 0).then(|| (self.realism / self.labelled as f64).clamp(0.0, 1.0)),
         }
     }
@@ -191,7 +201,15 @@ pub struct SceneScore {
     pub record: Digest,
 }
 
+/// A diagnostic below this fails outright.
+const FAILS_BELOW: f64 = 0.5;
+
 impl SceneScore {
+    /// Whether some realism diagnostic fails outright, whatever its weight.
+    pub fn fails_outright(&self) -> bool {
+        self.diagnostics.values().any(|d| *d < FAILS_BELOW)
+    }
+
     /// The labels of single rollouts behind this one: itself, or one a driver.
     pub fn each(&self) -> impl Iterator<Item = &SceneScore> {
         let own = self.by_ego.is_empty().then_some(self);
@@ -244,4 +262,42 @@ pub fn too_slow(failures: &[SceneFailure]) -> usize {
 /// How many of these scenes the driver abandoned.
 pub fn abandoned(failures: &[SceneFailure]) -> usize {
     failures.iter().filter(|failure| failure.abandoned).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A scene acted in with a diagnostic of weight .08 that holds or fails wholly, and one that is a little off.
+    fn label(fails: bool) -> SceneScore {
+        let light = if fails { 0.0 } else { 1.0 };
+        SceneScore {
+            scene: "s".into(),
+            attack: 1.0,
+            realism: 1.0 - 0.08 * (1.0 - light),
+            acted: true,
+            diagnostics: [("light".to_string(), light), ("other".to_string(), 0.5)].into(),
+            metrics: Default::default(),
+            contact: None,
+            intervened: true,
+            by_ego: Default::default(),
+            request: Digest::of_bytes(b"request"),
+            record: Digest::of_bytes(b"record"),
+        }
+    }
+
+    #[test]
+    fn a_diagnostic_of_little_weight_that_fails_in_most_scenes_leaves_no_sound_realism() {
+        let mut sums = RealismSums::of(&(0..100).map(|place| label(place < 62)).collect::<Vec<_>>());
+        let (strict, sound) = (sums.realism(RealismMean::Strict).unwrap(), sums.realism(RealismMean::Sound).unwrap());
+        assert!(strict > 0.95 && (sound - 0.38).abs() < 1e-12, "{strict} {sound}");
+        // One who acts nowhere makes it no better, and one scene less is one scene less.
+        sums.add(&SceneScore { acted: false, attack: 0.0, ..label(true) });
+        assert_eq!(sums.failing_share(), Some(0.62));
+        assert_eq!(sums.without(&label(true)).failing_share(), Some(61.0 / 99.0));
+        // Who fails nowhere is as sound as strict.
+        let clean = RealismSums::of(&[label(false)]);
+        assert_eq!(clean.realism(RealismMean::Sound), clean.realism(RealismMean::Strict));
+        assert_eq!(RealismSums::default().realism(RealismMean::Sound), None);
+    }
 }

@@ -1,5 +1,6 @@
 //! What a scenario is: road, tracks, lights, ego and route, where they come from and how they are pooled.
 
+pub mod beside;
 pub mod binary;
 pub mod consistency;
 pub mod features;

@@ -334,11 +334,19 @@ pub struct SplitScene {
 pub struct Split {
     /// In the order in which the window rotates through them.
     pub evolution: Vec<SplitScene>,
+    /// The scenes on which finalists are chosen; none where that is done on those of evolution.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub selection: Vec<SplitScene>,
     /// The scenes that stay closed until selection is over.
     pub held_out: Vec<SplitScene>,
 }
 
 impl Split {
+    /// All its scenes: those of evolution, those of selection, those held out.
+    pub fn all(&self) -> impl Iterator<Item = &SplitScene> {
+        self.evolution.iter().chain(&self.selection).chain(&self.held_out)
+    }
+
     /// Digest of the split: of its scenes' ids, digests and order.
     pub fn digest(&self) -> Digest {
         match Digest::of("evodrive/split/1", self) {
@@ -399,7 +407,7 @@ impl Pool {
     /// The scenes of `self` in two pools: those for which `closed` holds, and the others; usable ones alone. Scenes of one
     /// SafeBench group stay together: one of them takes all others along.
     pub fn parted(&self, closed: impl Fn(&Scene) -> bool) -> Split {
-        let mut split = Split { evolution: Vec::new(), held_out: Vec::new() };
+        let mut split = Split { evolution: Vec::new(), selection: Vec::new(), held_out: Vec::new() };
         for unit in self.units() {
             let is_closed = unit.scenes.iter().filter_map(|entry| self.scene(&entry.id)).any(&closed);
             if is_closed { split.held_out.extend(unit.scenes) } else { split.evolution.extend(unit.scenes) }
@@ -445,22 +453,22 @@ impl Pool {
     /// and the ids, so a larger evolution set keeps the same held-out set. Scenes of one SafeBench group (family and
     /// route) stay together; every other scene stands alone.
     pub fn split(&self, seed: Seed, evolution: EvolutionSize, held_out: usize) -> Result<Split, PoolError> {
-        self.split_among(seed, evolution, held_out, |_| true)
+        self.split_among(seed, evolution, (0, held_out), |_| true)
     }
 
-    /// The same of the scenes whose ids `takes` chooses. A group is there whole or not at all.
+    /// The same of the scenes whose ids `takes` chooses, with so many for the choice of finalists. A group is there whole or not at all.
     pub fn split_among(
         &self,
         seed: Seed,
         evolution: EvolutionSize,
-        held_out: usize,
+        (selection, held_out): (usize, usize),
         takes: impl Fn(&str) -> bool,
     ) -> Result<Split, PoolError> {
         let mut units = self.units();
         units.retain(|unit| unit.scenes.iter().all(|scene| takes(&scene.id)));
         seed.stream(&["scene", "split"]).shuffle(&mut units);
         let mut scenes: Vec<SplitScene> = units.iter().flat_map(|unit| unit.scenes.clone()).collect();
-        let rest = scenes.len().saturating_sub(held_out);
+        let rest = scenes.len().saturating_sub(held_out).saturating_sub(selection);
         let least = first_whole_after(&units, held_out);
         let wanted = match evolution {
             EvolutionSize::Count(count) => count,
@@ -476,7 +484,7 @@ impl Pool {
             EvolutionSize::Share(share) => return Err(PoolError::Share(share.to_string())),
         };
         if wanted > rest || held_out > scenes.len() {
-            let wanted = wanted.saturating_add(held_out);
+            let wanted = wanted.saturating_add(held_out).saturating_add(selection);
             return Err(PoolError::TooFew { wanted, usable: scenes.len(), all: self.scenes.len() });
         }
         if let (fits, Some(group)) = whole_groups(&units, held_out) {
@@ -486,9 +494,14 @@ impl Pool {
             let fits = Some(all - held_out).filter(|fits| *fits > 0).or(least).unwrap_or(0);
             return Err(PoolError::CutGroup { part: "an evolution set", wanted, group, fits });
         }
-        let mut rest = scenes.split_off(held_out);
-        rest.truncate(wanted);
-        Ok(Split { evolution: rest, held_out: scenes })
+        if let (all, Some(group)) = whole_groups(&units, held_out + wanted + selection) {
+            let fits = all.saturating_sub(held_out + wanted);
+            return Err(PoolError::CutGroup { part: "a selection set", wanted: selection, group, fits });
+        }
+        let mut evolution = scenes.split_off(held_out);
+        let mut chosen_on = evolution.split_off(wanted);
+        chosen_on.truncate(selection);
+        Ok(Split { evolution, selection: chosen_on, held_out: scenes })
     }
 
     /// The usable scenes in units that stay together, sorted by the first id of each unit.
@@ -625,8 +638,14 @@ mod tests {
         assert_eq!(split, turned.split(Seed(4), EvolutionSize::Count(7), 3).unwrap());
         assert_ne!(split.digest(), pool.split(Seed(5), EvolutionSize::Count(7), 3).unwrap().digest());
         assert_eq!(split.held_out, pool.split(Seed(4), EvolutionSize::Share(1.0), 3).unwrap().held_out);
-        let all: BTreeSet<&str> = split.evolution.iter().chain(&split.held_out).map(|s| s.id.as_str()).collect();
-        assert_eq!(all.len(), 10);
+        assert_eq!(split.all().map(|s| s.id.as_str()).collect::<BTreeSet<&str>>().len(), 10);
+        // A part for selection takes nothing from the two others.
+        let apart = pool.split_among(Seed(4), EvolutionSize::Count(7), (2, 3), |_| true).unwrap();
+        assert_eq!((&apart.evolution, &apart.held_out, apart.selection.len()), (&split.evolution, &split.held_out, 2));
+        assert_eq!(apart.all().map(|s| s.id.as_str()).collect::<BTreeSet<&str>>().len(), 12);
+        assert_ne!(apart.digest(), split.digest());
+        let few = pool.split_among(Seed(4), EvolutionSize::Count(7), (3, 3), |_| true);
+        assert!(matches!(few, Err(PoolError::TooFew { wanted: 13, usable: 12, .. })), "{few:?}");
     }
 
     #[test]
@@ -644,7 +663,7 @@ mod tests {
         assert!(open.is_disjoint(&closed));
         // Where one scene of a group is not taken, no scene of it is.
         let first = &split.evolution[0].id;
-        let rest = pool.split_among(Seed(4), EvolutionSize::Share(1.0), 30, |id| id != first).unwrap();
+        let rest = pool.split_among(Seed(4), EvolutionSize::Share(1.0), (0, 30), |id| id != first).unwrap();
         let without = groups(&[rest.evolution, rest.held_out].concat());
         let own = pool.scene(first).unwrap().staging.as_ref().unwrap().group();
         assert!(!without.contains(&own) && without.len() == 79, "{}", without.len());

@@ -39,6 +39,7 @@ pub fn opened(study: &Study) -> Result<Opened, RunError> {
         pool: study.pool_digest,
         provenance: study.provenance,
         evolution_scenes: study.evolution.iter().map(id).collect(),
+        selection_scenes: study.selection.iter().map(id).collect(),
         held_out_scenes: study.held_out.iter().map(id).collect(),
         versions: Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION },
         contracts,

@@ -19,8 +19,8 @@ use crate::kernel::{Digest, Threads};
 use crate::llm::{Ask, AskError, Cassette, DraftJudge, Model, Record, RecordMode, Replay, Reply, Request};
 use crate::objects::event::{Finalist, Frozen, RunResult, Settled, kind};
 use crate::objects::{
-    Attempt, LineageId, MechanismModule, OperatorNode, ParameterValue, Program, Role, RouteDecision, Setting, Slot,
-    SolutionId, ValueType,
+    Attempt, LineageId, MechanismModule, OperatorNode, ParameterValue, Program, Role, RouteDecision, Score, Setting,
+    Slot, SolutionId, ValueType,
 };
 use crate::scene::EvolutionSize;
 use crate::scripted::Scripted;
@@ -267,6 +267,31 @@ fn the_finalists_are_front_leaders_and_head(ran: &Ran) {
     let solutions: BTreeSet<SolutionId> = measured.iter().chain(&lineage.cut).cloned().collect();
     assert_eq!(solutions, wanted);
     assert_eq!(measured.len(), wanted.len().min(1), "the budget is one");
+}
+
+#[test]
+fn finalists_are_chosen_on_scenes_that_no_step_of_the_search_sees() {
+    let mut experiment = experiment(PromotionRule::LargestHypervolumeGain, 1);
+    let searched = carried_out(&experiment);
+    experiment.split.selection = Some(6);
+    let ran = carried_out(&experiment);
+    let study = study(&experiment, &Threads::new(2).unwrap());
+    let ids = |places: &[usize]| -> BTreeSet<String> {
+        places.iter().map(|place| study.scenes[*place].scene().id.clone()).collect()
+    };
+    let (open, chosen_on, closed) = (ids(&study.evolution), ids(&study.selection), ids(&study.held_out));
+    assert_eq!((open.len(), chosen_on.len(), closed.len()), (10, 6, 4));
+    assert!(chosen_on.is_disjoint(&open) && chosen_on.is_disjoint(&closed));
+    let scenes = |score: &Score| score.scenes.iter().map(|label| label.scene.clone()).collect::<BTreeSet<String>>();
+    assert!(ran.finalists.len() > 1 && ran.finalists.iter().all(|of| scenes(&of.score) == chosen_on));
+    let seen = ran.attempts.iter().filter_map(|of| of.exit.score()).chain(ran.frozen.iter().map(|of| &of.parent_score));
+    assert!(seen.map(scenes).all(|of| of.is_subset(&open)));
+    // The search is the same one, and the scenes that stay closed are.
+    assert_eq!(
+        ran.attempts.iter().map(|of| &of.id).collect::<Vec<_>>(),
+        searched.attempts.iter().map(|of| &of.id).collect::<Vec<_>>()
+    );
+    assert!(searched.finalists.iter().all(|of| scenes(&of.score) == open));
 }
 
 #[test]

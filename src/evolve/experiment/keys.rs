@@ -33,6 +33,7 @@ pub fn keys() -> Vec<Key> {
         scenes(),
         models(),
         simulator(),
+        selection(),
         of_kind(),
         backend(),
         driver(),
@@ -560,6 +561,13 @@ fn simulator() -> Vec<Key> {
     )
 }
 
+/// A third part of the scenes.
+fn selection() -> Vec<Key> {
+    let meaning = "Scenes on which finalists are chosen and which no step of the search sees; without it they are chosen on those of \
+                   evolution, where a search that is long enough finds what fits them by chance.";
+    table(|| Optional, vec![("split.selection", "", "scenes", Whole(1, 100_000), meaning)])
+}
+
 /// What outcomes say besides.
 fn of_kind() -> Vec<Key> {
     let meaning = "Whether outcomes say what of a motion its kind does not do: slides, turns on the spot, speed (docs/OBJECTIVES.md).";
@@ -585,6 +593,20 @@ fn of_kind() -> Vec<Key> {
                 "",
                 Truth,
                 "Whether labels say which reference drivers of UN R157 would have avoided the ego's contact.",
+            ),
+            (
+                "simulator.avoidance.forecast",
+                "",
+                "",
+                Word(|| words(["motion", "lanes"])),
+                "Whom the ego expects to meet: who would at constant velocity or turn rate, as without it, or also who may along some way of the lanes.",
+            ),
+            (
+                "simulator.avoidance.lesser_swerves",
+                "",
+                "",
+                Truth,
+                "Whether swerves by 0.5, 1 and 2 m may avoid a contact, too.",
             ),
             ("simulator.scripts", "", "", Word(|| words(["as_defined", "as_run"])), scripts),
         ],

@@ -186,6 +186,9 @@ pub struct SplitOptions {
     pub evolution: EvolutionSize,
     /// Scenes that stay closed until evolution is over.
     pub held_out: usize,
+    /// Scenes on which finalists are chosen, which no step of the search sees; without it they are chosen on those of evolution.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub selection: Option<usize>,
     /// Scenes of the rotating development window.
     pub window: usize,
     /// What becomes of scenes in which an ego under test meets somebody although no program acts.

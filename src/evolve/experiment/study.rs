@@ -40,7 +40,12 @@ impl Experiment {
         }
         };
         let split = pool
-            .split_among(Seed(self.seed), self.split.evolution, self.split.held_out, |id| !dropped.contains(id))
+            .split_among(
+                Seed(self.seed),
+                self.split.evolution,
+                (self.split.selection.unwrap_or(0), self.split.held_out),
+                |id| !dropped.contains(id),
+            )
             .map_err(refused)?;
         if self.split.window > split.evolution.len() {
             return Err(self.problem(format!(
@@ -61,7 +66,7 @@ impl Experiment {
                 rival.method.name()
             )));
         }
-        let chosen = split.evolution.iter().chain(&split.held_out).filter_map(|entry| pool.scene(&entry.id));
+        let chosen = split.all().filter_map(|entry| pool.scene(&entry.id));
         let unstaged = chosen.into_iter().find(|scene| scene.staging.is_none());
         match unstaged {
             Some(scene) if self.evaluation.safebench().is_some() => Err(self.problem(format!(
@@ -152,11 +157,12 @@ impl Experiment {
                 });
             }
         }
-        let wanted: Vec<&str> = split.evolution.iter().chain(&split.held_out).map(|s| s.id.as_str()).collect();
+        let wanted: Vec<&str> = split.all().map(|s| s.id.as_str()).collect();
         let mut by_id: BTreeMap<String, Arc<Scene>> =
             pool.scenes.into_iter().map(|s| (s.id.clone(), Arc::new(s))).collect();
         let chosen: Vec<Arc<Scene>> = wanted.iter().filter_map(|id| by_id.remove(*id)).collect();
         let entries = threads.map(&chosen, |_, scene| SceneEntry::new(scene.clone()));
+        let closed = split.evolution.len() + split.selection.len();
         let without = self.without.unwrap_or_default();
         let starts = || lineages.iter().filter_map(|spec| spec.start.as_ref()).map(|start| &start.program);
         let offered = |source: Source| {
@@ -182,7 +188,8 @@ impl Experiment {
             experiment: self.digest()?,
             seed: Seed(self.seed),
             evolution: (0..split.evolution.len()).collect(),
-            held_out: (split.evolution.len()..entries.len()).collect(),
+            selection: (split.evolution.len()..closed).collect(),
+            held_out: (closed..entries.len()).collect(),
             scenes: entries,
             pool_digest,
             provenance,

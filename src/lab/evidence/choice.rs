@@ -9,7 +9,7 @@ use super::realism::realism_text;
 use super::recorded_run::RecordedRun;
 use crate::archive::{Contender, Selection, SelectionRule, SelectorOptions, select_active};
 use crate::kernel::num;
-use crate::objects::event::Measured;
+use crate::objects::event::{LineageResult, Measured};
 use crate::objects::{LineageId, SolutionId};
 use crate::text::counted;
 
@@ -22,7 +22,7 @@ pub struct Choice {
     pub chosen: SolutionId,
     /// The lineage's parent, which is always among those who are compared.
     pub parent: SolutionId,
-    /// Scenes of the evolution pool on which the parent was labelled.
+    /// Scenes on which they were compared and the parent was labelled.
     pub scenes: usize,
     /// Scenes of it in which the parent has no label.
     #[serde(skip_serializing_if = "is_none")]
@@ -35,14 +35,49 @@ pub struct Choice {
     pub reasons: Vec<String>,
     /// Everybody who was compared, the parent first, in the order in which they were.
     pub rows: Vec<Row>,
-    /// Programs that the budget of finalists had no room for, so that they have no labels on the whole pool.
+    /// Programs that the budget of finalists had no room for, so that they have no labels there.
     pub cut: Vec<SolutionId>,
+    /// Where they were compared: `the whole evolution pool`, or `scenes of selection`.
+    pub measured_on: &'static str,
+    /// Attack of the chosen descendant where it was searched and chosen, and where neither was done; none where the parent stays.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub optimism: Vec<Measure>,
+}
+
+/// The attack of a program on a list of scenes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Measure {
+    /// `its window`, `all windows`, that of [`Choice::measured_on`], `held out`.
+    pub on: &'static str,
+    pub attack: f64,
+}
+
+/// The words for both.
+const POOL: &str = "the whole evolution pool";
+const SELECTION: &str = "scenes of selection";
+
+/// What a chosen descendant came to on the way: the longer a search, the more of what it sees first is luck.
+fn optimism(run: &RecordedRun, result: &LineageResult, measured_on: &'static str) -> Vec<Measure> {
+    let chosen = &result.evolved.solution;
+    let of_window = run.attempts.iter().find(|of| of.id.as_str() == chosen.as_str());
+    let on_front = result.front.iter().find(|point| point.solution == *chosen);
+    let finalist = run.finalists.iter().find(|of| of.lineage == result.lineage && of.solution == *chosen);
+    let measures = [
+        ("its window", of_window.and_then(|of| Some(of.exit.score()?.objectives.attack))),
+        ("all windows", on_front.map(|of| of.objectives.attack)),
+        (measured_on, finalist.map(|of| of.score.objectives.attack)),
+        ("held out", Some(result.evolved.objectives.attack)),
+    ];
+    if of_window.is_none() {
+        return Vec::new();
+    }
+    measures.into_iter().filter_map(|(on, attack)| Some(Measure { on, attack: attack? })).collect()
 }
 
 /// One of those who were compared.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// Its labels on the whole evolution pool.
+    /// Its labels there.
     #[serde(flatten)]
     pub measured: Measured,
     /// Whether it stands on the front after the last epoch.
@@ -118,6 +153,7 @@ impl Choice {
         let on_front = |of: &Measured| result.front.iter().any(|point| point.solution == of.solution);
         let row = |of: Measured| Row { on_front: on_front(&of), standing: standing(&of), measured: of };
         let rows: Vec<Row> = measured.into_iter().map(row).collect();
+        let measured_on = if run.opened.selection_scenes.is_empty() { POOL } else { SELECTION };
         let realism_name = finalists.first()?.score.realism_name();
         let reasons = if follows {
             reasons(&rows, &selection, options, &result.parent.solution)
@@ -135,6 +171,8 @@ impl Choice {
             reasons,
             rows,
             cut: result.cut.clone(),
+            measured_on,
+            optimism: optimism(run, result, measured_on),
         })
     }
 
@@ -145,12 +183,17 @@ impl Choice {
             without => format!("{} of {}", self.scenes, counted(self.scenes + without, "scene")),
         };
         let mut out =
-            format!("why {} (labels on the whole evolution pool, {scenes})\n  rule: {}\n", self.chosen, self.rule);
+            format!("why {} (labels on {}, {scenes})\n  rule: {}\n", self.chosen, self.measured_on, self.rule);
         let heads = ["program", "attack", self.realism_name, "coverage", "any crash", ""].map(String::from).to_vec();
         let rows = self.rows.iter().map(Row::cells).collect();
         out.push_str(&Aligned { indent: 2, labels: 1, words: 1, heads, rows }.text(width));
         for reason in &self.reasons {
             let _ = writeln!(out, "  {reason}");
+        }
+        if !self.optimism.is_empty() {
+            let each: Vec<String> =
+                self.optimism.iter().map(|of| format!("{} {}", of.on, num::fixed(of.attack, 3))).collect();
+            let _ = writeln!(out, "  Its attack where it was searched, chosen and tested: {}.", each.join(", "));
         }
         if !self.cut.is_empty() {
             let cut: Vec<&str> = self.cut.iter().map(SolutionId::as_str).collect();

@@ -16,17 +16,23 @@ pub struct Realisms {
     /// The smaller one of that and the mean over successes, 0..=1: the realism among the objectives but under the plain mean; `None` in
     /// SafeBench's protocol, whose objective is ARS.
     pub strict_realism: Option<f64>,
+    /// Share of the scenes acted in where some diagnostic fails outright (d < .5), 0..=1: what a mean hides. `None` where it acts in none, and
+    /// in SafeBench's protocol.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub failing_share: Option<f64>,
 }
 
 impl Realisms {
     /// Reads both off a score.
     pub fn of(score: &Score) -> Realisms {
+        let (sums, own) = (RealismSums::of(&score.scenes), score.benchmark.is_none());
         Realisms {
-            realism_acted: RealismSums::of(&score.scenes).acted_mean(),
-            strict_realism: score.benchmark.is_none().then(|| match score.rules.mean {
+            realism_acted: sums.acted_mean(),
+            strict_realism: own.then(|| match score.rules.mean {
                 RealismMean::Strict => score.objectives.realism,
-                RealismMean::Plain => RealismSums::of(&score.scenes).realism(RealismMean::Strict).unwrap_or(0.0),
+                RealismMean::Plain | RealismMean::Sound => sums.realism(RealismMean::Strict).unwrap_or(0.0),
             }),
+            failing_share: sums.failing_share().filter(|_| own),
         }
     }
 }

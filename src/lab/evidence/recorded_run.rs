@@ -11,7 +11,7 @@ use crate::archive::search::Method;
 use crate::kernel::Digest;
 use crate::objects::benchmark::{ArchiveRound, Redrawn};
 use crate::objects::{
-    Attempt, Composed, Counselled, LineageId, Role, SceneScore, Score, SolutionId, WorldEvolved,
+    Attempt, Composed, Counselled, LabelRules, LineageId, Role, SceneScore, Score, SolutionId, WorldEvolved,
     event::{Finalist, Frozen, HeldOut, LineageResult, Opened, ParentAdopted, RunResult, Settled, kind},
     program::Program,
     realism_name,
@@ -96,8 +96,12 @@ pub fn kind_of(label: &str) -> &str {
 impl RunEvents {
     /// What people call the realism among its objectives.
     pub fn realism_name(&self) -> &'static str {
-        let mean = self.frozen.first().map(|frozen| frozen.parent_score.rules.mean).unwrap_or_default();
-        realism_name(!self.rounds.is_empty(), mean)
+        realism_name(!self.rounds.is_empty(), self.label_rules().mean)
+    }
+
+    /// By which its scores were summed up.
+    pub fn label_rules(&self) -> LabelRules {
+        self.frozen.first().map(|frozen| frozen.parent_score.rules.clone()).unwrap_or_default()
     }
 
     /// Who answered, by role: labels of models. The opening names a model for every role of the experiment; left out are critics where none was

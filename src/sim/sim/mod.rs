@@ -16,8 +16,8 @@ pub use encounters::{
     fault, gaps, jury, lateness_s, meeting,
 };
 pub use prepared::{
-    Along, AvoidanceOptions, EgoBox, EgoCar, FollowerStart, Obstacle, Path, Plant, PlantOptions, Scripts, SimError,
-    SimulatorOptions, SimulatorOptionsError, Size, TrafficBoxes, body, drivable, error, options, path, plant,
+    Along, AvoidanceOptions, EgoBox, EgoCar, FollowerStart, Forecast, Obstacle, Path, Plant, PlantOptions, Scripts,
+    SimError, SimulatorOptions, SimulatorOptionsError, Size, TrafficBoxes, body, drivable, error, options, path, plant,
     plant_options,
 };
 pub use road_users::{

@@ -4,19 +4,19 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use super::{
-    boosted,
     configuration::{ConfigurationError, validate},
     groups::{group_key, group_means_of},
     pairs,
     prediction::{OPEN_SHARE_MIN, difference, spread},
     ridge, slope,
-    table::{Table, moments, standardised},
 };
 use crate::kernel::Threads;
 use crate::objects::{
     CalibrationGroup, FeatureSchema, GroupMean, Objectives, Regression, RidgeLine, WorldConfiguration, WorldFit,
     WorldLabel, WorldModel, WorldSnapshot,
 };
+use crate::statistics::boosted;
+use crate::statistics::table::{Table, moments, standardised};
 
 /// Parts into which labels are cut to predict each from the others.
 const FOLDS: usize = 5;

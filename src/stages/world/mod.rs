@@ -1,7 +1,6 @@
 //! The evaluator before rollout: features, predictor, calibrator, router; and what judges a change of it.
 
 mod audit;
-mod boosted;
 mod by_value;
 mod calibration;
 mod configuration;
@@ -18,7 +17,6 @@ mod prediction;
 mod ridge;
 mod router;
 mod slope;
-mod table;
 mod verdict;
 
 pub use audit::audit;

@@ -1,14 +1,14 @@
 //! Numbers of the evaluator against cases worked by hand and against plain definitions.
 
-use super::boosted::{self, is_sound};
 use super::judge::jackknife;
 use super::measures::{Compared, centred_ranks, coverage_pct, kendall, loss_ratio, share_pct, spearman};
-use super::table::{Table, moments, standardised};
 use super::tests::{columns, configuration, label, xi};
 use super::{CalibrationSet, Interaction, Router, settle};
 use crate::kernel::{Seed, Threads, Vec2};
 use crate::objects::*;
 use crate::scene::fixture;
+use crate::statistics::boosted::{self, is_sound};
+use crate::statistics::table::{Table, moments, standardised};
 
 /// A tree by its definition: of all questions the one that explains most, three levels deep. Gives each row's value, and whether
 /// anything was asked.

@@ -8,13 +8,13 @@ use std::collections::BTreeMap;
 
 use super::groups::{group_key, group_means_of};
 use super::pair_features::missed_keys;
-use super::table::{Table, moments, standardised};
 use super::{ridge, ridge::Sure};
 use crate::kernel::num;
 use crate::objects::{
     FeatureSchema, GroupMean, Objectives, PairFit, PairOptions, PairRow, Regression, RidgeLine, WorldConfiguration,
     WorldFit, WorldLabel, WorldRow,
 };
+use crate::statistics::table::{Table, moments, standardised};
 
 /// What is expected of a candidate over the scenes of its window.
 #[derive(Clone, Copy, Debug, PartialEq)]

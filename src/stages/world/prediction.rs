@@ -1,7 +1,8 @@
 //! What a fit says of a candidate.
 
-use super::{boosted, groups::group_key, pairs, ridge, slope, table::standardised};
+use super::{groups::group_key, pairs, ridge, slope};
 use crate::objects::{FeatureSchema, Objectives, Regression, WorldConfiguration, WorldFit, WorldModel, WorldRow};
+use crate::statistics::{boosted, table::standardised};
 
 /// Least share of open scenes that a row is scaled by.
 pub const OPEN_SHARE_MIN: f64 = 0.05;

@@ -5,9 +5,9 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use super::table::Table;
 use crate::kernel::num;
 use crate::objects::RidgeLine;
+use crate::statistics::table::Table;
 
 /// Smallest accepted ratio of squared diagonal entries of the factor. Below it, X'WX + λI has lost almost all digits of
 /// a double.

@@ -2,7 +2,7 @@
 //! eq. method-routing).
 
 use super::{
-    boosted, by_value,
+    by_value,
     configuration::{ConfigurationError, validate},
     pairs, pilot,
     prediction::{difference, spread},
@@ -13,6 +13,7 @@ use crate::objects::{
     LineageId, Objectives, Pilot, Regression, Route, RouteDecision, RouteReason, RoutingChoice, RoutingOptions,
     WorldConfiguration, WorldFit, WorldModel, WorldRow, WorldSnapshot,
 };
+use crate::statistics::boosted;
 
 /// Whether a recorded route would have turned its candidate away, had it not been drawn for an audit.
 pub fn drawn_by_monitor(route: &Route) -> bool {

@@ -6,11 +6,11 @@ use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 
 use super::router::too_few;
-use super::table::Table;
 use super::*;
 use crate::kernel::{Digest, Seed, Threads, Vec2};
 use crate::objects::*;
 use crate::scene::{LaneGraph, SceneFeatures, fixture};
+use crate::statistics::table::Table;
 
 pub(super) fn configuration(model: WorldModel) -> WorldConfiguration {
     WorldConfiguration {

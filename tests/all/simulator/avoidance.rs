@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::contacts::*;
-use crate::kernel::Vec2;
-use crate::scene::{AgentKind, PreparedScene, Sample, Scene};
+use crate::kernel::{Polyline, Vec2};
+use crate::scene::{AgentKind, Lane, PreparedScene, Sample, Scene};
 use crate::sim::scenes::*;
 use crate::sim::*;
 
@@ -164,4 +164,65 @@ fn a_recorded_car_that_cannot_brake_behind_the_ego_does_not_make_a_contact_unavo
     let (mut scene, act) = against(motion(91, |_| Vec2::new(60.0, 0.0)));
     scene.tracks.push(follower);
     assert_eq!(contact_of(&scene, &act, &mut { BLIND }).avoidable, Some(true));
+}
+
+/// A scene with a lane that comes towards the ego and turns left across its way, and the car that drives it at 5 m/s.
+fn turning_across(leads_across: bool) -> (Scene, Intervention) {
+    let across = [(70.0, 4.0), (66.0, 3.0), (63.0, 0.0), (62.0, -4.0), (62.0, -30.0)].map(|(x, y)| Vec2::new(x, y));
+    let way = Polyline::new([&[Vec2::new(86.0, 4.0)], &across[..]].concat()).unwrap();
+    let samples = motion(91, |t| way.at(5.0 * t));
+    let (mut scene, act) = against(samples);
+    let beside = |points: &[Vec2], aside_m: f64| {
+        let line = Polyline::new(points.to_vec()).unwrap();
+        points
+            .iter()
+            .map(|point| *point + Vec2::from_heading(line.project(*point).heading_rad).left() * aside_m)
+            .collect()
+    };
+    let mut oncoming = Lane { id: "oncoming".into(), ..lane(Vec2::new(250.0, 4.0), Vec2::new(70.0, 4.0)) };
+    let turn = Lane {
+        id: "turn".into(),
+        centre: across.to_vec(),
+        left: beside(&across, 1.75),
+        right: beside(&across, -1.75),
+        ..oncoming.clone()
+    };
+    oncoming.exits = if leads_across { vec![2] } else { vec![] };
+    scene.road.lanes.extend([oncoming, turn]);
+    (scene, act)
+}
+
+#[test]
+fn who_turns_slowly_across_is_foreseen_along_its_lane_before_its_motion_points_at_the_ego() {
+    let seen_s = |forecast: Forecast, leads_across: bool| {
+        let mut options = SimulatorOptions::SHIPPED;
+        options.avoidance.forecast = forecast;
+        let (scene, act) = turning_across(leads_across);
+        met_with(&scene, &act, &options).visible_s.unwrap()
+    };
+    let (motion, lanes) = (seen_s(Forecast::Motion, true), seen_s(Forecast::Lanes, true));
+    assert!(lanes > motion + 0.5, "{motion} {lanes}");
+    // Within the horizon alone, and the contact lies up to half a second before the centres meet.
+    assert!(lanes < SimulatorOptions::SHIPPED.avoidance.horizon_s + 0.1, "{lanes}");
+    // Where the lanes lead nowhere it is on the turn before it is foreseen.
+    assert!(seen_s(Forecast::Lanes, false) < lanes);
+}
+
+#[test]
+fn a_swerve_within_the_lane_avoids_what_a_lane_wide_one_leaves_the_road_for() {
+    let avoidable = |gap_m: f64, lesser_swerves: bool| {
+        let mut options = SimulatorOptions::SHIPPED;
+        options.avoidance.lesser_swerves = lesser_swerves;
+        let samples = vec![sample(12.0 + 4.5 + gap_m, -1.6, 0.0, 0.0); 80];
+        let kind = AgentKind::Vehicle;
+        let action = Action::Insert { kind, length_m: 4.5, width_m: 1.9, from_step: 10, samples };
+        met_with(&straight_road(91, 12.0, vec![]), &Intervention { actions: vec![action] }, &options).avoidable
+    };
+    let gaps = || (0..60).map(|i| 14.0 + 0.25 * f64::from(i));
+    let helped: Vec<f64> = gaps().filter(|gap_m| avoidable(*gap_m, true) != avoidable(*gap_m, false)).collect();
+    assert!(helped.len() > 4, "{helped:?}");
+    assert!(
+        helped.iter().all(|gap_m| avoidable(*gap_m, true) == Some(true)),
+        "more ways to evade never make a contact unavoidable"
+    );
 }

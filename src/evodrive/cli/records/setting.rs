@@ -36,6 +36,7 @@ fn realism(options: &RealismOptions) -> String {
     let over = match options.mean {
         RealismMean::Strict => "",
         RealismMean::Plain => " over all scenes",
+        RealismMean::Sound => ", at most the share of scenes where none fails",
     };
     match Digest::of("evodrive/realism-options/1", options) {
         Ok(settings) => {

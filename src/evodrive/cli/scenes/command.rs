@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use crate::cli::scenes::files::{Row, keeps, known_tags, listing, read, rows, threads, written};
-use crate::cli::scenes::{best, browse, draw, export, pools, readable, show};
+use crate::cli::scenes::{best, browse, compare, draw, export, pools, readable, show};
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::experiment::{self, Experiment};
@@ -47,6 +47,8 @@ pub enum Command {
     Browse(browse::Options),
     /// Write scenes, as they are or as an attempt played them, in a format that other programs read.
     Export(export::Options),
+    /// How two pools differ: distances quantity by quantity, and how well a classifier tells them apart.
+    Compare(compare::Options),
     /// Compare pools: speeds, gaps, accelerations, yaw rates, conflicts, side by side.
     Stats(StatsOptions),
 }
@@ -132,6 +134,7 @@ pub fn run(command: Command, jobs: usize) -> Result<Answer, Failure> {
         Command::Draw(options) => draw::run(&options, jobs),
         Command::Browse(options) => browse::run(&options, jobs),
         Command::Export(options) => export::run(&options, jobs),
+        Command::Compare(options) => compare::run(&options, jobs),
         Command::Stats(options) => stats(&options, jobs),
     }
 }

@@ -4,6 +4,7 @@ pub mod best;
 pub mod browse;
 pub mod calibrate;
 pub mod command;
+pub mod compare;
 pub mod contradictions;
 pub mod draw;
 pub mod export;

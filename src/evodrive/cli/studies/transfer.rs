@@ -17,11 +17,15 @@ use crate::ego::Policy;
 use crate::epoch::{Applied, SceneEntry};
 use crate::evidence::RecordedRun;
 use crate::evidence::figures::{Panel, heat_map};
-use crate::evidence::tables::{self, DRIVERS, Line, Transferred};
+use crate::evidence::realism::Realisms;
+use crate::evidence::recognised::{self, RoadUsers};
+use crate::evidence::tables::{self, Careful, DRIVERS, Line, Transferred};
 use crate::experiment::ProgramFile;
 use crate::families;
 use crate::kernel::{Digest, Threads};
 use crate::objects::{Program, Score};
+use crate::scene::{Sample, beside};
+use crate::sim::{ActorRef, AvoidanceOptions, Forecast, SimulatorOptions};
 use crate::text::nearest;
 
 #[derive(Debug, Args)]
@@ -46,6 +50,13 @@ pub struct Options {
     /// File for how alike judges rank the programs against each driver, Markdown: published, at fault, the careful driver, UN R157's.
     #[arg(long)]
     pub judges: Option<PathBuf>,
+    /// File for how the preventable share moves with the careful driver who judges, against the first driver, Markdown: its reaction time, a
+    /// forecast along lanes, lesser swerves.
+    #[arg(long)]
+    pub sensitivity: Option<PathBuf>,
+    /// File for how well a classifier tells the road users that each program moves from recorded ones, against the first driver, Markdown.
+    #[arg(long)]
+    pub recognised: Option<PathBuf>,
     #[command(flatten)]
     pub output: Output,
 }
@@ -79,7 +90,13 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
             player.program.solution_id
         )));
     }
-    let scores = scores(&players, &drivers, &entries, &threads)?;
+    let (first_file, played) = (first.file.conditions.simulator, (&players[..], &entries[..], &threads));
+    // With contacts judged by nuPlan's rule and the jury.
+    let scores = scores(played, &drivers, &SimulatorOptions { at_fault: true, jury: true, ..first_file })?;
+    let judged = match options.sensitivity {
+        Some(_) => careful(played, &drivers[..1], &first_file)?,
+        None => Vec::new(),
+    };
     let transferred = Transferred {
         pool: digest,
         scenes: taken.iter().map(|scene| scene.id.clone()).collect(),
@@ -87,8 +104,104 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         lines,
         scores,
     };
+    if let Some(place) = &options.recognised {
+        let text = recognised(played, &drivers[0], &first_file, &transferred)?;
+        options.output.write(place, text.as_bytes())?;
+    }
+    if let Some(place) = &options.sensitivity {
+        options.output.write(place, tables::sensitivity(&transferred, &judged).as_bytes())?;
+    }
     written(options, &transferred)
 }
+
+/// The table of how well acted road users are told from recorded ones.
+fn recognised(
+    (players, entries, threads): Played<'_>,
+    (name, ego): &(&'static str, Policy),
+    simulator: &SimulatorOptions,
+    of: &Transferred,
+) -> Result<String, Failure> {
+    let sources = families::sources();
+    let names = of.names();
+    let (mut rows, mut control) = (Vec::new(), None);
+    for (place, player) in players.iter().enumerate() {
+        progress(format!("{}: {} rollouts of {}", names[place], entries.len(), player.program.solution_id));
+        let mut file = player.file.clone();
+        file.conditions.simulator = *simulator;
+        let counsels = apply::counsels(&file, entries);
+        let applied = apply::as_conditioned(&file, &sources, ego, &counsels)?;
+        let of_scene = |place: usize, entry: &SceneEntry| road_users(&applied, &player.program, (place, entry));
+        let mut users = RoadUsers::default();
+        for found in threads.map(entries, of_scene) {
+            users.acted.extend(found.acted);
+            users.recorded.extend(found.recorded);
+        }
+        let realism = Realisms::of(&of.scores[place][0]).strict_realism;
+        rows.push((names[place].clone(), realism, users.recognised(of.suite())));
+        control.get_or_insert_with(|| users.control(of.suite()));
+    }
+    rows.extend(control.map(|control| ("recorded against recorded (control)".to_string(), None, control)));
+    Ok(recognised::text(&rows, (entries.len(), head(name))))
+}
+
+/// Those of one scene; nobody where the program has no rollout in it or does not act.
+fn road_users(applied: &Applied<'_>, program: &Program, (place, entry): (usize, &SceneEntry)) -> RoadUsers {
+    let mut users = RoadUsers::default();
+    let Ok(traced) = applied.trace(program, entry) else { return users };
+    if !traced.record.outcome.acted() {
+        return users;
+    }
+    let (motion, lanes) = (&traced.motion, &entry.prepared.lanes);
+    let until = motion.ego.len()
+        - if traced.record.outcome.contact.is_some() { BEFORE_CONTACT.min(motion.ego.len()) } else { 0 };
+    let row =
+        |samples: &[Option<Sample>]| beside::row(&motion.ego[..until], &samples[..until.min(samples.len())], lanes);
+    for actor in &motion.actors {
+        let moving = row(&actor.samples).map(|row| (place, row));
+        if actor.adversary {
+            users.acted.extend(moving)
+        } else {
+            users.recorded.extend(moving)
+        }
+        let own = match actor.actor {
+            ActorRef::Track(track) if actor.adversary => entry.scene().tracks[track].samples.get(motion.from_step..),
+            _ => None,
+        };
+        users.recorded.extend(own.and_then(row).map(|row| (place, row)));
+    }
+    users
+}
+
+/// Steps before a contact at which motion is no longer looked at: there even the recorded would be an attack.
+const BEFORE_CONTACT: usize = 10;
+
+/// What all programs come to against one driver where other careful drivers judge.
+fn careful(
+    played: Played<'_>,
+    driver: &[(&'static str, Policy)],
+    simulator: &SimulatorOptions,
+) -> Result<Vec<Careful>, Failure> {
+    let of = |(name, set): Differing| {
+        let mut simulator = SimulatorOptions { ..*simulator };
+        set(&mut simulator.avoidance);
+        let scores = scores(played, driver, &simulator)?.into_iter().flatten().collect();
+        Ok(Careful { name, scores })
+    };
+    CAREFUL.into_iter().map(of).collect()
+}
+
+/// A careful driver's name, and what makes it of the experiment's.
+type Differing = (&'static str, fn(&mut AvoidanceOptions));
+
+/// Careful drivers by what they differ in from the experiment's.
+const CAREFUL: [Differing; 6] = [
+    ("as declared", |_| ()),
+    ("reacts after 0.75 s", |of| of.reaction_s = 0.75),
+    ("reacts after 0.4 s", |of| of.reaction_s = 0.4),
+    ("foresees ways along lanes", |of| of.forecast = Forecast::Lanes),
+    ("swerves less far, too", |of| of.lesser_swerves = true),
+    ("both", |of| (of.forecast, of.lesser_swerves) = (Forecast::Lanes, true)),
+];
 
 /// The table, and the files that were asked for.
 fn written(options: &Options, of: &Transferred) -> Result<Answer, Failure> {
@@ -171,17 +284,18 @@ fn add(folder: &RunFolder, run: &RecordedRun, players: &mut Vec<Player>, lines: 
     Ok(())
 }
 
-/// Every program against every driver, under the seed and the simulator of the first program's run, with contacts judged by nuPlan's rule
-/// and the jury.
+/// Programs, scenes, and who plays them.
+type Played<'a> = (&'a [Player], &'a [SceneEntry], &'a Threads);
+
+/// Every program against every driver in a simulator, under the seed of the first program's run.
 fn scores(
-    players: &[Player],
+    (players, entries, threads): Played<'_>,
     drivers: &[(&'static str, Policy)],
-    entries: &[SceneEntry],
-    threads: &Threads,
+    simulator: &SimulatorOptions,
 ) -> Result<Vec<Vec<Score>>, Failure> {
     let Some(first) = players.first() else { return Ok(Vec::new()) };
     let mut conditions = first.file.conditions.clone();
-    (conditions.simulator.at_fault, conditions.simulator.jury) = (true, true);
+    conditions.simulator = *simulator;
     let sources = families::sources();
     let mut by_family: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (place, player) in players.iter().enumerate() {

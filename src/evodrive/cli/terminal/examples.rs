@@ -25,6 +25,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("scenes browse", "evodrive scenes browse my.pool --html browse.html"),
     ("scenes draw", "evodrive scenes draw --attempt cat-idm/e0s3 --scene synth/merge/7/13 --out strip.svg"),
     ("scenes export", "evodrive scenes export my.pool --format scenarionet --out exported"),
+    ("scenes compare", "evodrive scenes compare recorded.pool generated.pool"),
     ("scenes stats", "evodrive scenes stats my.pool"),
     ("calibrate", "evodrive calibrate my.pool --out calibration.toml"),
     ("lineage", "evodrive lineage cat-idm"),

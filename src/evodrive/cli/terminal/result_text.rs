@@ -10,13 +10,13 @@ use crate::evidence::OWN_PLANNER;
 use crate::evidence::aligned::Aligned;
 use crate::evidence::choice::Choice;
 use crate::evidence::lineage_text::shortened;
-use crate::evidence::realism::{LineageRealisms, realism_text};
+use crate::evidence::realism::{LineageRealisms, Realisms, realism_text};
 use crate::evidence::tables::LineagePreventable;
 use crate::experiment::Experiment;
 use crate::kernel::{Digest, num};
 use crate::objects::event::{LineageResult, Measured, RunResult};
 use crate::objects::replay::{ReplayRow, Suite};
-use crate::objects::{JudgedOn, RealismMean};
+use crate::objects::{JudgedOn, LabelRules, RealismMean};
 use crate::text::counted;
 
 /// Characters of a gate's problem that a line of progress has room for.
@@ -107,18 +107,20 @@ pub fn summary(
     // An event knows the ego's kind alone.
     let planner = experiment.driver.as_ref().map(|driver| driver.name());
     let ego = |ego: &str| planner.clone().filter(|_| ego == OWN_PLANNER).unwrap_or(ego.to_string());
+    let rules = experiment.evaluation.rules();
     let of_suite = result.replay.iter().filter(|replay| replay.suite == Suite::HeldOut);
-    let replayed = of_suite.map(|replay| replay_row(replay, &ego(&replay.ego)));
+    let replayed = of_suite.map(|replay| replay_row(replay, &ego(&replay.ego), &rules));
     let of = |lineage: &LineageResult| realisms.iter().find(|of| of.lineage == lineage.lineage.as_str());
     let other = |lineage: &LineageResult| preventable.iter().find(|of| of.lineage == lineage.lineage.as_str());
     let evolved = result.lineages.iter().flat_map(|lineage| rows(lineage, of(lineage), other(lineage)));
     let mut rows: Vec<Vec<String>> = replayed.chain(evolved).map(Vec::from).collect();
-    let heads = ["lineage", "program", "attack", PREVENTABLE, "any crash", "realism", strict, "coverage"];
+    let heads = ["lineage", "program", "attack", PREVENTABLE, "any crash", "realism", strict, FAILS, "coverage"];
     let mut heads = heads.map(String::from).to_vec();
     let safebench = experiment.evaluation.safebench().is_some();
-    if safebench {
-        heads.remove(PREVENTABLE_AT);
-        rows.iter_mut().for_each(|row| drop(row.remove(PREVENTABLE_AT)));
+    // Neither is a number of SafeBench's protocol. The last one first.
+    for place in [FAILS_AT, PREVENTABLE_AT].into_iter().filter(|_| safebench) {
+        heads.remove(place);
+        rows.iter_mut().for_each(|row| drop(row.remove(place)));
     }
     out.push_str(&Aligned { indent: 0, labels: 2, words: 0, heads, rows }.text(width));
     out.push_str(&at_fault_words(preventable));
@@ -151,8 +153,9 @@ pub fn summary(
         let _ = writeln!(out, "\nfront of {} (attack / {strict} on the scenes of {on}):", lineage.lineage);
         let played = result.replay.iter().find(|r| r.suite == Suite::Evolution && r.ego == lineage.ego);
         if let Some(replay) = played {
-            let crash = num::fixed(100.0 * replay.contact_rate, 1);
-            let _ = writeln!(out, "  0.000 / none    replay (no program): acts nowhere, the ego crashes in {crash} %");
+            let (attack, crash) = (num::fixed(replay.attack(&rules), 3), num::fixed(100.0 * replay.contact_rate, 1));
+            let _ =
+                writeln!(out, "  {attack} / none    replay (no program): acts nowhere, the ego crashes in {crash} %");
         }
         for point in &lineage.front {
             let o = point.objectives;
@@ -185,21 +188,25 @@ pub fn summary(
 }
 
 /// A line of the table of lineages: lineage, program, and the numbers.
-type Row = [String; 8];
+type Row = [String; 9];
 
 /// The head of the count that asks what the ego could have prevented, and its place.
 const PREVENTABLE: &str = "preventable";
 const PREVENTABLE_AT: usize = 3;
+/// The head of the share of scenes acted in where some diagnostic fails outright, and its place.
+const FAILS: &str = "fails";
+const FAILS_AT: usize = 7;
 
 /// The recorded scenes without a program.
-fn replay_row(replay: &ReplayRow, ego: &str) -> Row {
+fn replay_row(replay: &ReplayRow, ego: &str, rules: &LabelRules) -> Row {
     [
         format!("replay, {ego}"),
         "-".to_string(),
-        "0.000".to_string(),
+        num::fixed(replay.attack(rules), 3),
         "0.000".to_string(),
         num::fixed(replay.contact_rate, 3),
         four_digits(replay.realism),
+        "-".to_string(),
         "-".to_string(),
         "0.00".to_string(),
     ]
@@ -241,6 +248,7 @@ fn column_words(safebench: bool, mean: RealismMean) -> String {
         "preventable: share of scenes with a contact that the program brings about and that a careful ego could have prevented by braking or \
              swerving; a ram from behind is none, whatever counts as attack; "
     };
+    let fails = if safebench { "" } else { "fails: share of those scenes where some diagnostic is below .5; " };
     let strict = match (safebench, mean) {
         (true, _) => "ARS: SafeBench's adversarial realism score, which the search uses",
         (false, RealismMean::Plain) => {
@@ -249,9 +257,13 @@ fn column_words(safebench: bool, mean: RealismMean) -> String {
         (false, RealismMean::Strict) => {
             "strict realism: the smaller one of that and the mean over its successes, which the search uses"
         }
+        (false, RealismMean::Sound) => {
+            "sound realism: the smallest one of that, the mean over its successes and the share of those scenes where nothing fails, which the \
+             search uses"
+        }
     };
     format!(
-        "{preventable}realism: mean over the scenes that a program acts in; {strict}; coverage: share of the scenes that it acts in; \
+        "{preventable}realism: mean over the scenes that a program acts in; {strict}; {fails}coverage: share of the scenes that it acts in; \
          ->: the program that was chosen, which the run reports."
     )
 }
@@ -289,29 +301,27 @@ fn rows(
     realisms: Option<&LineageRealisms>,
     preventable: Option<&LineagePreventable>,
 ) -> [Row; 2] {
-    let acted = realisms.map(|of| [&of.parent, &of.evolved].map(|program| program.realisms.realism_acted));
-    let [acted_parent, acted_evolved] = acted.map_or([None, None], |acted| acted);
+    let [own_parent, own_evolved] =
+        [|of: &LineageRealisms| of.parent.realisms, |of: &LineageRealisms| of.evolved.realisms]
+            .map(|read| realisms.map(read));
     let share = |of: Option<f64>| of.map_or("-".to_string(), |share| num::fixed(share, 3));
-    let row = |name: &str, program: String, (of, acted, preventable): (&Measured, Option<f64>, Option<f64>)| {
+    let row = |name: &str, program: String, (of, own, preventable): (&Measured, Option<Realisms>, Option<f64>)| {
         [
             name.to_string(),
             program,
             num::fixed(of.objectives.attack, 3),
             share(preventable),
             num::fixed(of.any_contact, 3),
-            four_digits(acted),
+            four_digits(own.and_then(|own| own.realism_acted)),
             realism_text(of.objectives.realism, of.coverage),
+            share(own.and_then(|own| own.failing_share)),
             num::fixed(of.coverage, 2),
         ]
     };
     let chosen = lineage.evolved.solution.as_str().rsplit('/').next().unwrap_or_default();
     [
-        row(
-            lineage.lineage.as_str(),
-            "parent".into(),
-            (&lineage.parent, acted_parent, preventable.map(|of| of.parent)),
-        ),
-        row("", format!("-> {chosen}"), (&lineage.evolved, acted_evolved, preventable.map(|of| of.evolved))),
+        row(lineage.lineage.as_str(), "parent".into(), (&lineage.parent, own_parent, preventable.map(|of| of.parent))),
+        row("", format!("-> {chosen}"), (&lineage.evolved, own_evolved, preventable.map(|of| of.evolved))),
     ]
 }
 

@@ -1,4 +1,4 @@
-//! The end of a run: accepted descendants meet the whole evolution pool, one is chosen by it, and only then are the
+//! The end of a run: accepted descendants meet the scenes of selection, or the whole evolution pool, one is chosen by them, and only then are the
 //! held-out scenes opened.
 
 use std::collections::BTreeMap;
@@ -49,7 +49,7 @@ pub fn report(study: &Study, state: &mut State, desk: &mut Desk<'_>) -> Result<R
     })
 }
 
-/// Makes the labels of all lineages' finalists on the evolution scenes, all in one parallel map: lineage by lineage threads would wait at the
+/// Makes the labels of all lineages' finalists on the scenes on which they are chosen, all in one parallel map: lineage by lineage threads would wait at the
 /// end of each one's. What is made is kept label by label, so a run that is stopped here goes on where it was. Under a plan each lineage asks
 /// for its own.
 fn side_by_side(study: &Study, state: &State, desk: &Desk<'_>) -> Result<(), RunError> {
@@ -58,17 +58,21 @@ fn side_by_side(study: &Study, state: &State, desk: &Desk<'_>) -> Result<(), Run
     }
     let mut all = Vec::new();
     for spec in &study.lineages {
+        // Counsel for scenes of selection is taken lineage by lineage.
+        if !study.selection.is_empty() && study.source(spec)?.asks.counsel.is_some() {
+            continue;
+        }
         let Finalists { measured, .. } = finalists(study, state, spec)?;
         let parent = std::iter::once(&state.lineages.get(&spec.id)?.parent);
         for solution in parent.chain(&measured) {
             let program = state.lineages.program(&spec.id, solution)?;
-            all.push((labelling(study, state, spec, desk), program, study.evolution.as_slice()));
+            all.push((labelling(study, state, spec, desk), program, study.choosing()));
         }
     }
     labels::ahead_of_all(&all, &desk.tools)
 }
 
-/// Who was chosen on evolution labels.
+/// Who was chosen.
 struct Choice {
     active: SolutionId,
     reason: String,
@@ -77,7 +81,7 @@ struct Choice {
     top: Vec<SolutionId>,
     /// Whom the rule chooses at further values of `realism_min`, and whether it reaches that.
     at_realism: Vec<(f64, bool, SolutionId)>,
-    /// Scores of parent and finalists on the evolution scenes.
+    /// Scores of parent and finalists on the scenes on which they were chosen.
     scores: BTreeMap<SolutionId, Score>,
     /// The programs that the budget of finalists had no room for.
     cut: Vec<SolutionId>,
@@ -90,6 +94,9 @@ pub fn one_lineage(
     desk: &mut Desk<'_>,
 ) -> Result<LineageResult, RunError> {
     let parent = state.lineages.get(&spec.id)?.parent.clone();
+    if !study.selection.is_empty() {
+        counsel::take(study, spec, &study.selection, &mut state.counsels, desk)?;
+    }
     let choice = choose(study, state, spec, &parent, desk)?;
     counsel::take(study, spec, &study.held_out, &mut state.counsels, desk)?;
     let state = &*state;
@@ -173,7 +180,7 @@ fn frontier_gain(
     Ok((pf_area_pct(&parents, &acting(&choice.top), FRONTIER_BUDGET, &study.archive), BTreeMap::new()))
 }
 
-/// Labels the finalists on every evolution scene, so that one window's luck does not choose, and applies the
+/// Labels the finalists on every scene of selection, or of evolution, so that one window's luck does not choose, and applies the
 /// realism-constrained rule, here and nowhere before: with the parent for the active generator, without it for endpoint
 /// and budget.
 fn choose(
@@ -185,10 +192,10 @@ fn choose(
 ) -> Result<Choice, RunError> {
     let (mut contenders, mut scores) = (Vec::new(), BTreeMap::new());
     let Finalists { measured, cut } = finalists(study, state, spec)?;
-    ahead(study, state, spec, std::iter::once(parent).chain(&measured), &study.evolution, desk)?;
+    ahead(study, state, spec, std::iter::once(parent).chain(&measured), study.choosing(), desk)?;
     for solution in std::iter::once(parent.clone()).chain(measured) {
         let program = state.lineages.program(&spec.id, &solution)?;
-        let score = labelling(study, state, spec, desk).score((program, program.hash()?), &study.evolution)?;
+        let score = labelling(study, state, spec, desk).score((program, program.hash()?), study.choosing())?;
         desk.log.append(
             kind::FINALIST,
             &Finalist { lineage: spec.id.clone(), solution: solution.clone(), score: score.clone() },

@@ -63,7 +63,8 @@ fn want_undisturbed(study: &Study, tools: &Tools<'_>, wanted: &Wanted) -> Result
     }
     let mut egos = BTreeSet::new();
     for spec in study.lineages.iter().filter(|spec| egos.insert(spec.ego.name())) {
-        let places: Vec<usize> = study.evolution.iter().chain(&study.held_out).copied().collect();
+        let places: Vec<usize> =
+            study.evolution.iter().chain(&study.selection).chain(&study.held_out).copied().collect();
         let failures = tools.threads.map(&places, |_, &place| undisturbed(study, spec, place, tools).err());
         for (&place, why) in places.iter().zip(failures) {
             match why {

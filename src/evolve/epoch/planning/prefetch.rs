@@ -94,6 +94,7 @@ impl Ahead<'_> {
         let study = self.study;
         // The run labels its parents everywhere, whatever comes of the proposals.
         self.want(first, &study.evolution)?;
+        self.want(first, &study.selection)?;
         self.want(first, &study.held_out)?;
         let mut known = Known::from([(first.1.to_hex(), (first.0.clone(), first.1))]);
         for (epoch, slot, patch) in patches {

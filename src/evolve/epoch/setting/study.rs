@@ -37,6 +37,8 @@ pub struct Study {
     pub provenance: Option<Digest>,
     /// Places in `scenes` that evolution may see.
     pub evolution: Vec<usize>,
+    /// Places on which finalists are chosen; none where that is done on those of evolution.
+    pub selection: Vec<usize>,
     /// Places that stay closed until evolution is over.
     pub held_out: Vec<usize>,
     pub lineages: Vec<LineageSpec>,
@@ -329,6 +331,11 @@ impl Study {
     /// The scene of this id.
     pub fn scene(&self, id: &str) -> Option<&SceneEntry> {
         self.scenes.iter().find(|entry| entry.scene().id == id)
+    }
+
+    /// Places on which finalists are chosen.
+    pub fn choosing(&self) -> &[usize] {
+        if self.selection.is_empty() { &self.evolution } else { &self.selection }
     }
 
     /// Places of the development window of an epoch: `window` scenes on, each epoch, around the evolution pool.

@@ -15,11 +15,20 @@ const TOLERANCE: f64 = 1e-9;
 
 pub fn check(run: &RecordedRun, findings: &mut Vec<Finding>) {
     let opened = &run.opened;
-    let both = opened.evolution_scenes.iter().filter(|scene| opened.held_out_scenes.contains(scene));
-    findings
-        .extend(both.map(|scene| Finding::breach("closed suite", scene, "is both an evolution and a held-out scene")));
+    let open = opened.evolution_scenes.iter().map(|scene| (scene, "an evolution"));
+    let open = open.chain(opened.selection_scenes.iter().map(|scene| (scene, "a selection")));
+    let both = open.filter(|(scene, _)| opened.held_out_scenes.contains(scene));
+    findings.extend(
+        both.map(|(scene, of)| Finding::breach("closed suite", scene, format!("is both {of} and a held-out scene"))),
+    );
+    let searched = opened.evolution_scenes.iter().filter(|scene| opened.selection_scenes.contains(scene));
+    findings.extend(
+        searched.map(|scene| Finding::breach("closed suite", scene, "is both an evolution and a selection scene")),
+    );
     let evolution: BTreeSet<&str> = opened.evolution_scenes.iter().map(String::as_str).collect();
     let held_out: BTreeSet<&str> = opened.held_out_scenes.iter().map(String::as_str).collect();
+    let selection: BTreeSet<&str> = opened.selection_scenes.iter().map(String::as_str).collect();
+    let chosen_on = if selection.is_empty() { &evolution } else { &selection };
     let mut of = |place: String, score: &Score, open: &BTreeSet<&str>| {
         score_faults(score).for_each(|what| findings.push(Finding::breach("labels", &place, what)));
         let named = score.scenes.iter().map(|s| &s.scene).chain(score.failures.iter().map(|f| &f.scene));
@@ -35,7 +44,7 @@ pub fn check(run: &RecordedRun, findings: &mut Vec<Finding>) {
         let epoch = run.attempts.iter().filter(|a| a.lineage == frozen.lineage && a.epoch == frozen.epoch);
         epoch.for_each(|a| a.exit.score().into_iter().for_each(|score| of(a.id.to_string(), score, &window)));
     }
-    run.finalists.iter().for_each(|f| of(f.solution.to_string(), &f.score, &evolution));
+    run.finalists.iter().for_each(|f| of(f.solution.to_string(), &f.score, chosen_on));
     run.held_out.iter().for_each(|h| of(format!("{} on held-out scenes", h.solution), &h.score, &held_out));
     fronts(run, findings);
     for lineage in run.result.iter().flat_map(|result| &result.lineages) {

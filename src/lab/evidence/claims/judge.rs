@@ -193,7 +193,7 @@ pub fn judge(
 }
 
 /// Under which rules a run's programs were judged; `None` where its experiment is not at hand.
-fn rules(run: &RecordedRun) -> Option<String> {
+pub(super) fn rules(run: &RecordedRun) -> Option<String> {
     let of = run.declared.archive.as_ref()?;
     let theirs = [false, true].map(|safebench| realism_name(safebench, RealismMean::Plain));
     let (all, plain) = (of.front == FrontOf::Evaluated, theirs.contains(&run.realism_name()));

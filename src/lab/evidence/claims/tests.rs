@@ -1,9 +1,10 @@
-use super::judge::holm;
+use super::judge::{holm, rules};
 use super::*;
 use std::collections::BTreeMap;
 
 use crate::archive::ArchiveOptions;
 use crate::evidence::recorded_run::RecordedRun;
+use crate::evidence::tables::recorded_unseen;
 use crate::evidence::tables::tests::{CAT, End, add, run};
 use crate::kernel::Threads;
 use crate::objects::{FrontOf, JudgedOn};
@@ -195,6 +196,13 @@ fn each_run_is_told_with_the_rules_by_which_its_programs_were_judged() {
     );
     let window = ArchiveOptions { judged_on: JudgedOn::Window, front: FrontOf::Evaluated, ..ArchiveOptions::default() };
     assert!(with(window).contains("no race, strict realism, front of all evaluated programs, judged on the window"));
+    // SafeBench's realism is the paper's, too.
+    let papers = ArchiveOptions { level: 0.5, front: FrontOf::Evaluated, ..ArchiveOptions::default() };
+    let mut safebench = recorded();
+    safebench.declared.archive = Some(papers);
+    assert!(rules(&safebench).unwrap().starts_with("our rules: level 0.5"), "strict realism is ours");
+    safebench.rounds = recorded_unseen().rounds.clone();
+    assert!(rules(&safebench).unwrap().starts_with("the paper's rules: level 0.5, coverage floor 0, no race, ARS"));
     let unsaid = judge(&read("claims.toml", FILE).unwrap(), &[recorded()], &BTreeMap::new(), &Threads::none()).unwrap();
     assert!(!markdown(&unsaid).contains("rules"), "of a run without its experiment nothing is said");
 }

@@ -117,6 +117,7 @@ fn lineage(run: &RecordedRun, id: &LineageId, names: &Names, stage: &Stage, besi
             json!({
                 "measured": Measured::new(of.solution.clone(), &of.score),
                 "realism_acted": realisms.realism_acted,
+                "failing_share": realisms.failing_share,
                 "strict_realism": realisms.strict_realism,
                 "roles": of.roles,
                 "scenes": of.score.scenes.len(),
@@ -168,6 +169,7 @@ fn lineage(run: &RecordedRun, id: &LineageId, names: &Names, stage: &Stage, besi
 fn replay_row(run: &RecordedRun, row: &ReplayRow) -> Value {
     let mut object = json!(row);
     object["ego"] = json!(run.ego_name(&row.ego));
+    object["attack"] = json!(row.attack(&run.label_rules()));
     object
 }
 

@@ -51,6 +51,7 @@ const ATTACK: Column = column("attack", "Attack", Some(true), Form::Rate);
 const ANY: Column = column("any_contact", "Any crash", None, Form::Rate);
 const REALISM: Column = column("realism", "Realism", Some(true), Form::Rate);
 const STRICT: Column = column("strict_realism", "Strict realism", Some(true), Form::Rate);
+const FAILS: Column = column("fails", "Fails", Some(false), Form::Rate);
 const PENALTY: Column = column("rp_pct", "RP", Some(false), Form::Percent);
 const COVERAGE: Column = column("coverage", "Coverage", Some(true), Form::Rate);
 const CR: Column = column("cr", "CR", Some(true), Form::Rate);
@@ -77,7 +78,7 @@ pub fn applied(of: &Applied<'_>) -> [Table; 2] {
     let outcomes = if staged {
         RATES.map(|(column, _)| column).into_iter().chain([ANY, COVERAGE]).collect()
     } else {
-        vec![ATTACK, ANY, REALISM, STRICT, PENALTY, COVERAGE]
+        vec![ATTACK, ANY, REALISM, STRICT, FAILS, PENALTY, COVERAGE]
     };
     let mut numbers = if staged { staged_numbers(of) } else { recorded_numbers(of) };
     per_scene(of, &[(ANY, labels::ANY_CONTACT.of), (COVERAGE, labels::ACTED.of)], &mut numbers);
@@ -158,15 +159,25 @@ fn changed(form: Form) -> Form {
 /// The numbers of the MetaDrive protocol, by row.
 fn recorded_numbers(of: &Applied<'_>) -> [Numbers; 4] {
     let mut numbers: [Numbers; 4] = Default::default();
-    let read = [(ATTACK, labels::ATTACK), (REALISM, labels::ACTED_REALISM), (PENALTY, labels::PENALTY_PCT)]
-        .map(|(column, reading)| (column, reading.of));
+    let read = [
+        (ATTACK, labels::ATTACK),
+        (REALISM, labels::ACTED_REALISM),
+        (FAILS, labels::FAILS),
+        (PENALTY, labels::PENALTY_PCT),
+    ]
+    .map(|(column, reading)| (column, reading.of));
     per_scene(of, &read, &mut numbers);
     let [before, after] = [of.parent, of.program].map(|played| Realisms::of(played.score).strict_realism);
     let change = before.zip(after).map(|(before, after)| after - before);
     for (numbers, strict) in numbers[1..].iter_mut().zip([before, after, change]) {
         numbers.extend(strict.map(|value| (STRICT.key, Estimate::plain(value))));
     }
-    numbers[0].insert(ATTACK.key, Estimate::plain(0.0));
+    let rules = &of.program.score.rules;
+    if rules.counts_any_contact() {
+        numbers[0].extend(replayed(of, ATTACK, |scene| Some(scene.attack(rules))));
+    } else {
+        numbers[0].insert(ATTACK.key, Estimate::plain(0.0));
+    }
     numbers[0].extend(replayed(of, REALISM, |scene| scene.realism));
     numbers[0].extend(replayed(of, PENALTY, |scene| Some(100.0 * (1.0 - scene.realism?))));
     numbers
@@ -209,7 +220,7 @@ fn per_scene<R: Fn(&SceneScore) -> Option<f64>>(
     }
 }
 
-fn replayed(of: &Applied<'_>, column: Column, value: fn(&ReplayScene) -> Option<f64>) -> Numbers {
+fn replayed(of: &Applied<'_>, column: Column, value: impl Fn(&ReplayScene) -> Option<f64>) -> Numbers {
     let replayed = |id: &String| of.replay.scenes.iter().find(|scene| scene.scene == *id);
     let values = of.scenes.iter().map(|id| value(replayed(id)?)).collect();
     estimated(&[(column, once(PerScene { suite: suite(of), values }))])

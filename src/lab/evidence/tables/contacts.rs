@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use super::derivations::{Derivations, Source};
+use super::derivations::{Derivations, ReplayRead, Source};
 use super::error::TableError;
 use super::key::Side;
 use super::labels::{self, LineageLabels, Reading, ReplayLabels};
 use super::layout::{Column, Form, Head, METHOD, POLICY, Row, Sourced, Table, heads};
-use super::metadrive::{ReplayRead, replay_row, row, table};
+use super::metadrive::{replay_row, row, table};
 use super::notes;
 use super::searches::searches;
 use crate::evaluation::ContactClass;
@@ -32,7 +32,7 @@ pub fn metadrive_contacts(runs: &[RecordedRun]) -> Result<Table, TableError> {
     let (bases, [parent, evolved]) = (Derivations::of(runs), [Side::Parent, Side::Evolved].map(columns));
     let all = bases.lineages()?;
     let without = |of: &ReplayLabels| {
-        let met: (Column, ReplayRead) = (ANY, |scene| Some(labels::share(scene.contact)));
+        let met: (Column, ReplayRead) = (ANY, |scene, _| Some(labels::share(scene.contact)));
         let mut row = replay_row(&bases, &[of], &parent, &[met]);
         row.labels.push("none".into());
         row
@@ -73,7 +73,7 @@ pub(super) fn readings() -> Vec<(Column, Read, String)> {
 }
 
 /// What a contact of a class is in words.
-pub(super) fn of_class(class: &str) -> String {
+fn of_class(class: &str) -> String {
     format!("1 where the ego meets an adversary in a contact of class {class}, else 0")
 }
 

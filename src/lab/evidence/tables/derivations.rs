@@ -16,7 +16,7 @@ use super::searches;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::event::LineageResult;
 use crate::objects::replay::ReplayScene;
-use crate::objects::{LineageId, SceneScore, SolutionId};
+use crate::objects::{LabelRules, LineageId, SceneScore, SolutionId};
 
 /// What a cell is computed from.
 #[derive(Clone)]
@@ -65,6 +65,9 @@ impl Source {
         if let Source::Derived(derive) = self { derive(bases, row) } else { None }
     }
 }
+
+/// A number of a scene without a program, by the rules of its run.
+pub(super) type ReplayRead = fn(&ReplayScene, &LabelRules) -> Option<f64>;
 
 type ByProgram<'s> = BTreeMap<(&'s SolutionId, &'s str), &'s SceneScore>;
 
@@ -226,8 +229,10 @@ impl<'s> Derivations<'s> {
     }
 
     /// Means over the scenes without a program.
-    pub(super) fn replayed(&self, row: &RowKey, read: fn(&ReplayScene) -> Option<f64>) -> Derivation {
+    pub(super) fn replayed(&self, row: &RowKey, read: ReplayRead) -> Derivation {
         let part = |replay: &ReplayLabels| -> Repetition {
+            let rules = self.runs.get(replay.place).map(|run| run.label_rules()).unwrap_or_default();
+            let read = |scene: &ReplayScene| read(scene, &rules);
             let leaf = |scene: &ReplayScene| {
                 let realism = scene.realism.map_or("none".into(), |r| r.to_string());
                 let note = Some(format!("contact {}, realism {realism}", scene.contact));

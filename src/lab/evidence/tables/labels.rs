@@ -53,7 +53,12 @@ pub const PENALTY_PCT: Reading =
 pub const SUCCESS_PENALTY_PCT: Reading = reading("100 (1 - realism) where the program succeeds", |scene| {
     (scene.attack > 0.0).then_some(100.0 * (1.0 - scene.realism))
 });
-/// The same over all scenes, 0 where the program does not act: the paper's plain mean.
+/// Whether a realism diagnostic fails outright, of the scenes that the program acts in.
+pub const FAILS: Reading =
+    reading("1 where the program acts and some realism diagnostic is below .5, else 0 where it acts", |scene| {
+        scene.acted.then_some(share(scene.fails_outright()))
+    });
+/// 100 (1 - r), percent, over all scenes, 0 where the program does not act: the paper's plain mean.
 pub const PENALTY_ALL_PCT: Reading = reading("100 (1 - realism)", |scene| Some(100.0 * (1.0 - scene.realism)));
 /// Whether the program acts.
 pub const ACTED: Reading = reading("1 where the program acts, else 0", |scene| Some(share(scene.acted)));

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::basis::Derivation;
-use super::derivations::{Derivations, Source};
+use super::derivations::{Derivations, ReplayRead, Source};
 use super::error::TableError;
 use super::key::{RowKey, Side};
 use super::labels::{self, LineageLabels, Reading, ReplayLabels};
@@ -15,7 +15,6 @@ use super::paper::{self, Figures, metadrive as printed};
 use super::searches::{searches, stops};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::Digest;
-use crate::objects::replay::ReplayScene;
 use crate::statistics::bootstrap::{self, PerScene, Quantity, Search};
 use crate::text::counted;
 
@@ -63,16 +62,12 @@ const fn success(key: &'static str, group: &'static str) -> Column {
     column(key, group, "RP of successes", Some(false), Form::Percent)
 }
 
-/// A number of a scene without a program.
-pub(super) type ReplayRead = fn(&ReplayScene) -> Option<f64>;
-
-/// Columns of the row without a program. The empty program acts nowhere, so its attack and coverage are 0; RP is that of the
-/// recorded traffic itself.
+/// Columns of the row without a program. The empty program acts nowhere, so its coverage is 0; RP is that of the recorded traffic itself.
 const READ_OF_REPLAY: [(Column, ReplayRead); 4] = [
-    (PARENT_ATTACK, |_| Some(0.0)),
-    (PARENT_CRASH, |scene| Some(labels::share(scene.contact))),
-    (PARENT_RP, |scene| Some(100.0 * (1.0 - scene.realism?))),
-    (PARENT_COVERAGE, |_| Some(0.0)),
+    (PARENT_ATTACK, |scene, rules| Some(scene.attack(rules))),
+    (PARENT_CRASH, |scene, _| Some(labels::share(scene.contact))),
+    (PARENT_RP, |scene, _| Some(100.0 * (1.0 - scene.realism?))),
+    (PARENT_COVERAGE, |_, _| Some(0.0)),
 ];
 
 pub(super) fn sourced((column, side, reading): Read) -> Sourced {
@@ -261,6 +256,11 @@ const PROTOCOLS_ATTACK: &str = "Attack: share of held-out scenes in which the eg
 
 /// What a reader must know beside the numbers.
 fn notes(runs: &[RecordedRun], all: &[&LineageLabels], rows: &[Row], average: Option<String>) -> Vec<String> {
+    let nothing = if runs.iter().any(|run| run.label_rules().counts_any_contact()) {
+        "coverage 0, and where an experiment asks nothing of a contact, its attack is what the ego runs into anyway"
+    } else {
+        "attack and coverage 0, and no place in the frontier"
+    };
     let mut notes = vec![
         format!(
             "{PROTOCOLS_ATTACK} Any crash: share in which the ego meets anyone, as MetaDrive and CAT \
@@ -270,7 +270,7 @@ fn notes(runs: &[RecordedRun], all: &[&LineageLabels], rows: &[Row], average: Op
         ),
         format!(
             "{REPLAY}: the recorded scenes without a program. Its crashes are what the ego runs into anyway, its RP is that of \
-             the recorded traffic itself. A program that does nothing has attack and coverage 0, and no place in the frontier."
+             the recorded traffic itself. A program that does nothing has {nothing}."
         ),
         notes::intervals("held-out scenes")
             + " Differences are paired by scene, that of RP over the scenes that both act in. PF-Area@3 varies over seeds only, the \

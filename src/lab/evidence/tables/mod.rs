@@ -79,5 +79,5 @@ pub use readings::{
 };
 pub(in crate::evidence) use safebench::round_columns as family_columns;
 pub use safebench::{safebench_main, safebench_rounds};
-pub use transfer::{Line, Transferred, judges, panels, transfer};
+pub use transfer::{Careful, Line, Transferred, judges, panels, sensitivity, transfer};
 pub use unseen::{held_out_change, safebench_held_out};

@@ -3,13 +3,12 @@
 
 use serde::Serialize;
 
-use super::contacts::of_class;
-use super::derivations::{Derivations, Source};
+use super::derivations::{Derivations, ReplayRead, Source};
 use super::error::TableError;
 use super::key::Side;
-use super::labels::{self, LineageLabels, Read};
+use super::labels::{self, LineageLabels, Read, Reading};
 use super::layout::{Column, Form, Row, Sourced, Table, heads};
-use super::metadrive::{ReplayRead, quantity, replay_row, row, table};
+use super::metadrive::{quantity, replay_row, row, table};
 use super::notes;
 use super::paper::{self, Figures, metadrive as printed};
 use super::searches::searches;
@@ -162,28 +161,45 @@ pub fn searched_contacts(runs: &[RecordedRun]) -> Result<Vec<SearchedContacts>, 
     Ok(searches(all.iter().copied()).iter().map(searched).collect())
 }
 
+/// A count of contacts that the program brings about.
+const fn brings(words: &'static str, of: Read) -> Reading {
+    Reading { of, words }
+}
+
+const ALL: Reading = brings("1 where the program brings a contact about, else 0", BROUGHT_ABOUT);
+const BY_RAMS: Reading = brings("1 where the program brings a ram from behind about, else 0", RAMS);
+const BY_STANDING: Reading = brings("1 where the ego meets what the program made stand, else 0", STANDING);
+const PREVENTED: Reading = brings(
+    "1 where the program brings a contact about that a careful ego could have prevented, else 0",
+    COULD_BE_PREVENTED,
+);
+const EGOS_FAULT: Reading = brings(
+    "1 where the program brings a contact about for which the ego is at fault by nuPlan's rule, else 0",
+    AT_FAULT,
+);
+
 /// Columns with the side and the reading that each is a mean of.
-const READ: [(Column, Side, Read); 14] = [
-    (rate("parent_attack", SEARCHED, "Parent", Some(true)), Side::Parent, labels::ATTACK.of),
-    (rate("evolved_attack", SEARCHED, "Evolved", Some(true)), Side::Evolved, labels::ATTACK.of),
-    (change("attack_change", SEARCHED), Side::Change, labels::ATTACK.of),
-    (rate("published_parent", PUBLISHED, "Parent", Some(true)), Side::Parent, BROUGHT_ABOUT),
-    (rate("published_evolved", PUBLISHED, "Evolved", Some(true)), Side::Evolved, BROUGHT_ABOUT),
-    (change("published_change", PUBLISHED), Side::Change, BROUGHT_ABOUT),
-    (rate("evolved_rams", PUBLISHED, "From behind", None), Side::Evolved, RAMS),
-    (rate("evolved_standing", PUBLISHED, "Standing", None), Side::Evolved, STANDING),
-    (rate("preventable_parent", PREVENTABLE, "Parent", Some(true)), Side::Parent, COULD_BE_PREVENTED),
-    (rate("preventable_evolved", PREVENTABLE, "Evolved", Some(true)), Side::Evolved, COULD_BE_PREVENTED),
-    (change("preventable_change", PREVENTABLE), Side::Change, COULD_BE_PREVENTED),
-    (rate("at_fault_parent", BLAMED, "Parent", Some(true)), Side::Parent, AT_FAULT),
-    (rate("at_fault_evolved", BLAMED, "Evolved", Some(true)), Side::Evolved, AT_FAULT),
-    (change("at_fault_change", BLAMED), Side::Change, AT_FAULT),
+const READ: [(Column, Side, Reading); 14] = [
+    (rate("parent_attack", SEARCHED, "Parent", Some(true)), Side::Parent, labels::ATTACK),
+    (rate("evolved_attack", SEARCHED, "Evolved", Some(true)), Side::Evolved, labels::ATTACK),
+    (change("attack_change", SEARCHED), Side::Change, labels::ATTACK),
+    (rate("published_parent", PUBLISHED, "Parent", Some(true)), Side::Parent, ALL),
+    (rate("published_evolved", PUBLISHED, "Evolved", Some(true)), Side::Evolved, ALL),
+    (change("published_change", PUBLISHED), Side::Change, ALL),
+    (rate("evolved_rams", PUBLISHED, "From behind", None), Side::Evolved, BY_RAMS),
+    (rate("evolved_standing", PUBLISHED, "Standing", None), Side::Evolved, BY_STANDING),
+    (rate("preventable_parent", PREVENTABLE, "Parent", Some(true)), Side::Parent, PREVENTED),
+    (rate("preventable_evolved", PREVENTABLE, "Evolved", Some(true)), Side::Evolved, PREVENTED),
+    (change("preventable_change", PREVENTABLE), Side::Change, PREVENTED),
+    (rate("at_fault_parent", BLAMED, "Parent", Some(true)), Side::Parent, EGOS_FAULT),
+    (rate("at_fault_evolved", BLAMED, "Evolved", Some(true)), Side::Evolved, EGOS_FAULT),
+    (change("at_fault_change", BLAMED), Side::Change, EGOS_FAULT),
 ];
 /// Those of them that every label tells.
 const TOLD_BY_ALL: usize = 11;
 
 /// The columns: with those of who is at fault where some outcome says it (`simulator.at_fault`, `table --at-fault`).
-fn columns_of(all: &[&LineageLabels]) -> &'static [(Column, Side, Read)] {
+fn columns_of(all: &[&LineageLabels]) -> &'static [(Column, Side, Reading)] {
     let says = |label: &SceneScore| label.each().filter_map(|of| of.contact.as_ref()).any(|met| met.fault.is_some());
     let some = |lineage: &&LineageLabels| {
         let share = |label: &SceneScore| Some(labels::share(says(label)));
@@ -192,10 +208,8 @@ fn columns_of(all: &[&LineageLabels]) -> &'static [(Column, Side, Read)] {
     if all.iter().any(some) { &READ } else { &READ[..TOLD_BY_ALL] }
 }
 
-fn sourced((column, side, read): &(Column, Side, Read)) -> Sourced {
-    let key = column.key.trim_start_matches("evolved_");
-    let what = if key.contains("attack") { labels::ATTACK.words.into() } else { of_class(key) };
-    (*column, Source::means(*side, *read, what))
+fn sourced((column, side, reading): &(Column, Side, Reading)) -> Sourced {
+    (*column, Source::means(*side, reading.of, reading.words))
 }
 
 /// Attack of parent and evolved generator on held-out scenes by three readings, a row a method and ego.
@@ -204,10 +218,13 @@ pub fn metadrive_readings(runs: &[RecordedRun]) -> Result<Table, TableError> {
     let all = bases.lineages()?;
     let read = columns_of(&all);
     let columns: Vec<Sourced> = read.iter().map(sourced).collect();
-    // Without a program nothing is brought about.
+    // Without a program nothing is brought about, which only the search's own reading may not ask for.
     let parents = read.iter().filter(|(_, side, _)| *side == Side::Parent);
-    let nothing: ReplayRead = |_| Some(0.0);
-    let of_replay: Vec<_> = parents.map(|(column, ..)| (*column, nothing)).collect();
+    let of_replay = parents.map(|(column, ..)| -> (Column, ReplayRead) {
+        let is_own = column.key == "parent_attack";
+        (*column, if is_own { |scene, rules| Some(scene.attack(rules)) } else { |_, _| Some(0.0) })
+    });
+    let of_replay: Vec<_> = of_replay.collect();
     let replays = bases.replays()?.iter();
     let mut rows: Vec<Row> = replays.map(|of| replay_row(&bases, &[of], &columns, &of_replay)).collect();
     rows.extend(searches(all.iter().copied()).iter().map(|of| {

@@ -32,6 +32,7 @@ pub(in crate::evidence) fn run(name: &str, models: &[(&str, &str)]) -> RecordedR
             pool: digest,
             provenance: None,
             evolution_scenes: vec!["d1".into(), "d2".into()],
+            selection_scenes: Vec::new(),
             held_out_scenes: SCENES.map(String::from).to_vec(),
             versions: Versions { adapter: 1, sim: 1, eval: 1 },
             contracts: BTreeMap::new(),

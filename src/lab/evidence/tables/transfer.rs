@@ -96,8 +96,19 @@ impl Transferred {
         self.lines.iter().map(|line| line.family.as_str()).filter(|family| seen.insert(*family)).collect()
     }
 
+    /// Family and what it was evolved on of every program; of a program in several lines by the first.
+    pub fn names(&self) -> Vec<String> {
+        let name = |place: usize| {
+            let parent = self.lines.iter().find(|line| line.parent == place);
+            let own = self.lines.iter().find(|line| line.program == place);
+            let parent = parent.map(|line| format!("{}: {PARENT}", line.family));
+            parent.or(own.map(|line| format!("{}: {}", line.family, line.evolved_on))).unwrap_or_default()
+        };
+        (0..self.scores.len()).map(name).collect()
+    }
+
     /// Which scenes: the streams of the bootstrap are named by them.
-    fn suite(&self) -> Digest {
+    pub fn suite(&self) -> Digest {
         Digest::of_bytes(format!("{} {}", self.pool, self.scenes.join("\n")).as_bytes())
     }
 
@@ -250,6 +261,48 @@ pub fn judges(of: &Transferred, driver: usize) -> String {
             |column: usize| kendall(&ranked[row], &ranked[column]).map_or("–".to_string(), |tau| num::signed(tau, 2));
         let cells: Vec<String> = (0..JUDGES.len()).map(cell).collect();
         out += &format!("| {name} | {} |\n", cells.join(" | "));
+    }
+    out
+}
+
+/// A careful driver who judges contacts, and what the programs come to then, in the order of [`Transferred::scores`].
+#[derive(Clone, Debug)]
+pub struct Careful {
+    pub name: &'static str,
+    pub scores: Vec<Score>,
+}
+
+/// The preventable share of scenes by who judges, a program one row; above them the share of contacts about which a judge says otherwise than
+/// the first. Markdown.
+pub fn sensitivity(of: &Transferred, judges: &[Careful]) -> String {
+    let avoidable = |score: &Score| -> Vec<Option<bool>> {
+        score.scenes.iter().map(|scene| scene.contact.as_ref().and_then(|met| met.avoidable)).collect()
+    };
+    let verdicts = |judge: &Careful| judge.scores.iter().flat_map(avoidable).collect::<Vec<Option<bool>>>();
+    let first = judges.first().map(verdicts).unwrap_or_default();
+    let moved = |judge: &Careful| {
+        let both = first.iter().zip(verdicts(judge)).filter_map(|(one, other)| Some(labels::share((*one)? != other?)));
+        num::mean(&both.collect::<Vec<f64>>())
+    };
+    let share = |program: usize, judge: &Careful| {
+        let read: Vec<f64> = judge.scores[program].scenes.iter().filter_map(COULD_BE_PREVENTED).collect();
+        num::mean(&read)
+    };
+    let written = |values: Vec<Option<f64>>| -> String {
+        let cell = |value: Option<f64>| value.map_or("–".to_string(), |value| format!("{value:.3}"));
+        values.into_iter().map(|value| format!(" {} |", cell(value))).collect()
+    };
+    let driver = of.drivers.first().copied().unwrap_or_default();
+    let mut out = format!(
+        "# What the preventable share owes to the careful driver who judges\n\nShares of {} scenes that no search has seen, driven by {driver}. A careful \
+         driver could have prevented the contact; rams from behind count nowhere.\n\n| program |",
+        of.scenes.len()
+    );
+    judges.iter().for_each(|judge| out += &format!(" {} |", judge.name));
+    out += &format!("\n|---{}|\n", "|--:".repeat(judges.len()));
+    out += &format!("| contacts judged otherwise than by the first |{}\n", written(judges.iter().map(moved).collect()));
+    for (program, name) in of.names().into_iter().enumerate() {
+        out += &format!("| {name} |{}\n", written(judges.iter().map(|judge| share(program, judge)).collect()));
     }
     out
 }

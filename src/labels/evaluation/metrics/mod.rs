@@ -73,6 +73,14 @@ const METRICS_MAX: usize = 8;
 const METRIC_NAME_CHARS: usize = 40;
 
 impl EvaluationOptions {
+    /// By which rules labels are summed up; SafeBench's have one form.
+    pub fn rules(&self) -> LabelRules {
+        match self {
+            EvaluationOptions::Safebench { .. } => LabelRules::default(),
+            EvaluationOptions::Metadrive(options) => options.rules(),
+        }
+    }
+
     /// What the objective's realism is a mean of; SafeBench's has one form.
     pub fn realism_mean(&self) -> RealismMean {
         match self {

@@ -30,6 +30,9 @@ pub fn assess(
     assess_relived(&mut Driven::begun(plant, intervention, driver)?, outcome.contact.as_mut())
 }
 
+/// Swerves within a lane, metres aside.
+const LESSER_SWERVES_M: [f64; 3] = [0.5, 1.0, 2.0];
+
 /// How long before a contact the lateness of an evasion is looked for, s.
 const LATENESS_MAX_S: f64 = 4.0;
 
@@ -180,9 +183,14 @@ pub(super) fn helps(
     manoeuvre: Manoeuvre,
     options: &AvoidanceOptions,
 ) -> bool {
-    let evasion = Evasion::new(manoeuvre, &fork.ego, options);
-    stays_clear(fork, from, until, &mut |state, k| {
-        evasion.control(&state.plant.route, &state.ego, state.car(), k - from)
+    // Only the far one where the manoeuvre goes straight on: there it makes no difference.
+    let lesser: &[f64] = if options.lesser_swerves && manoeuvre.side() != 0.0 { &LESSER_SWERVES_M } else { &[] };
+    let mut swerves_m = std::iter::once(options.swerve_m).chain(lesser.iter().copied());
+    swerves_m.any(|swerve_m| {
+        let evasion = Evasion::new(manoeuvre, swerve_m, &fork.ego, options);
+        stays_clear(fork, from, until, &mut |state, k| {
+            evasion.control(&state.plant.route, &state.ego, state.car(), k - from)
+        })
     })
 }
 

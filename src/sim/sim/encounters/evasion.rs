@@ -47,7 +47,7 @@ impl Manoeuvre {
     }
 
     /// 1 to the left, -1 to the right, 0 straight on.
-    fn side(self) -> f64 {
+    pub(super) fn side(self) -> f64 {
         match self {
             Manoeuvre::Brake => 0.0,
             Manoeuvre::BrakeLeft | Manoeuvre::SwerveLeft => 1.0,
@@ -71,16 +71,14 @@ pub(in crate::sim) struct Evasion<'a> {
 }
 
 impl<'a> Evasion<'a> {
-    pub fn new(manoeuvre: Manoeuvre, ego: &EgoState, options: &'a AvoidanceOptions) -> Evasion<'a> {
+    /// `swerve_m`: how far a swerve goes aside.
+    pub fn new(manoeuvre: Manoeuvre, swerve_m: f64, ego: &EgoState, options: &'a AvoidanceOptions) -> Evasion<'a> {
         let swerve_mps2 = if manoeuvre.side() == 0.0 { 0.0 } else { options.swerve_mps2 };
         let left_for_brakes = options.brake_mps2 * options.brake_mps2 - swerve_mps2 * swerve_mps2;
         let brake_mps2 = if manoeuvre.brakes() { left_for_brakes.max(0.0).sqrt() } else { 0.0 };
-        let aside_m = manoeuvre.side() * options.swerve_m;
-        let offset_m = if aside_m == 0.0 {
-            ego.along.offset_m
-        } else {
-            (ego.along.offset_m + aside_m).clamp(-options.swerve_m, options.swerve_m)
-        };
+        let aside_m = manoeuvre.side() * swerve_m;
+        let offset_m =
+            if aside_m == 0.0 { ego.along.offset_m } else { (ego.along.offset_m + aside_m).clamp(-swerve_m, swerve_m) };
         Evasion { options, brake_mps2, braked_mps2: (-ego.acceleration_mps2).clamp(0.0, brake_mps2), offset_m }
     }
 

@@ -221,7 +221,7 @@ impl<'a> Watcher<'a> {
             return (self.juror != Juror::HumanDriver || class != ContactClass::EgoStrikes).then_some(false);
         };
         let options = &{ fork.plant.options().avoidance };
-        let evasion = Evasion::new(Manoeuvre::Brake, &fork.ego, options);
+        let evasion = Evasion::new(Manoeuvre::Brake, options.swerve_m, &fork.ego, options);
         let before_mps2 = (-fork.ego.acceleration_mps2).max(0.0);
         let (mut braked_mps2, mut wholly_in) = (before_mps2, None);
         Some(stays_clear(fork, *from, until, &mut |state, k| {

@@ -14,6 +14,7 @@ mod threat;
 pub(super) mod timeline;
 pub(super) mod touch;
 pub(super) mod verdict;
+mod ways;
 
 pub use avoidance::{assess, lateness_s};
 pub use class::ContactClass;

@@ -7,36 +7,43 @@
 //!   Richter and Wanielik 2008); or
 //! - its box reaches into the ego's envelope: the strip ahead of the ego as long as the safe distance of
 //!   responsibility-sensitive safety (Shalev-Shwartz, Shammah and Shashua 2017, definition 1, without speeding up and with
-//!   equal brakes), `v ρ + (v² - u²) / 2b` with `u` the other's speed in the ego's direction, at least 0.
+//!   equal brakes), `v ρ + (v² - u²) / 2b` with `u` the other's speed in the ego's direction, at least 0; or
+//! - with [`Forecast::Lanes`], the boxes overlap within the horizon, the ego predicted along its route and the other along some way that its
+//!   lanes allow, at the speed or the acceleration that each has: who turns slowly across is seen before the turn points at the ego.
 
 use crate::kernel::{OrientedBox, Vec2, num};
 use crate::scene::{AgentKind, DT_S};
 use crate::sim::prepared::body::{Place, Size};
-use crate::sim::prepared::options::AvoidanceOptions;
+use crate::sim::prepared::options::{AvoidanceOptions, Forecast};
 use crate::sim::road_users::intervention::ActorRef;
 use crate::sim::rollouts::closed_loop::ClosedLoop;
+
+use super::ways::ways;
+
+/// Nobody is expected to gain speed faster than this for seconds, m/s².
+const GAIN_MPS2_MAX: f64 = 3.0;
 
 /// Watches one road user from step to step.
 pub(in crate::sim) struct ThreatWatch<'a> {
     options: &'a AvoidanceOptions,
     /// Whom it watches.
     who: ActorRef,
-    /// Headings of the ego and of the other at the last step.
-    last: Option<(Vec2, Vec2)>,
+    /// Headings of the ego and of the other at the last step, and the other's speed, m/s.
+    last: Option<(Vec2, Vec2, f64)>,
     /// Since which step it is visible, and when it was seen last.
     visible: Option<usize>,
     seen: usize,
 }
 
 /// A body in the plane with a turn rate.
-struct Forecast<'a> {
+struct Moving<'a> {
     place: Place,
     velocity: Vec2,
     yaw_rate_radps: f64,
     size: &'a Size,
 }
 
-impl Forecast<'_> {
+impl Moving<'_> {
     /// The box after `seconds` of constant turn rate and speed.
     fn after(&self, seconds: f64) -> OrientedBox {
         let turn = self.yaw_rate_radps * seconds;
@@ -52,12 +59,53 @@ impl Forecast<'_> {
     }
 
     /// Whether two bodies overlap at some moment within the horizon.
-    fn meets(&self, other: &Forecast<'_>, horizon_s: f64) -> bool {
+    fn meets(&self, other: &Moving<'_>, horizon_s: f64) -> bool {
         let reach_m = self.size.radius_m + other.size.radius_m;
-        let steps = (horizon_s / DT_S) as usize;
-        (0..=steps).map(|j| j as f64 * DT_S).any(|seconds| {
-            let (a, b) = (self.after(seconds), other.after(seconds));
-            (a.center - b.center).norm_squared() <= reach_m * reach_m && a.overlaps(&b)
+        moments(horizon_s).any(|seconds| near_overlap(&self.after(seconds), &other.after(seconds), reach_m))
+    }
+}
+
+fn moments(horizon_s: f64) -> impl Iterator<Item = f64> {
+    (0..=(horizon_s / DT_S) as usize).map(|j| j as f64 * DT_S)
+}
+
+fn near_overlap(a: &OrientedBox, b: &OrientedBox, reach_m: f64) -> bool {
+    (a.center - b.center).norm_squared() <= reach_m * reach_m && a.overlaps(b)
+}
+
+/// The other on its lanes: its box, its speed (m/s) and by how much that grows (m/s²).
+struct OnLanes<'a> {
+    place: Place,
+    size: &'a Size,
+    speed_mps: f64,
+    gain_mps2: f64,
+}
+
+impl OnLanes<'_> {
+    /// Whether the ego, going along its route at its speed, overlaps it on some way within the horizon.
+    fn meets(&self, state: &ClosedLoop<'_>, horizon_s: f64) -> bool {
+        let (ego, route) = (&state.ego, &state.plant.route);
+        let reach_m = ego.size.radius_m + self.size.radius_m;
+        let own: Vec<OrientedBox> = moments(horizon_s)
+            .map(|seconds| {
+                let s_m = ego.along.s_m + ego.speed_mps * seconds;
+                let segment = route.segment_near(s_m, ego.along.segment);
+                let axis = route.direction(segment);
+                let position = route.at(s_m, segment) + axis.left() * ego.along.offset_m;
+                ego.size.at(Place { position, axis })
+            })
+            .collect();
+        let way_m = |gain_mps2: f64, seconds: f64| (self.speed_mps + 0.5 * gain_mps2 * seconds) * seconds;
+        let farthest_m = way_m(self.gain_mps2, horizon_s);
+        let ways = ways(state.plant.lanes(), &self.place, farthest_m);
+        let gains: &[f64] = if self.gain_mps2 > 0.0 { &[0.0, self.gain_mps2] } else { &[0.0] };
+        ways.iter().any(|way| {
+            gains.iter().any(|&gain_mps2| {
+                moments(horizon_s).zip(&own).any(|(seconds, own)| {
+                    let there = way.after(way_m(gain_mps2, seconds));
+                    there.is_some_and(|place| near_overlap(own, &self.size.at(place), reach_m))
+                })
+            })
         })
     }
 }
@@ -89,23 +137,30 @@ impl<'a> ThreatWatch<'a> {
         };
         let (ego, rate) =
             (&state.ego, |before: Vec2, axis: Vec2| num::atan2(before.cross(axis), before.dot(axis)) / DT_S);
-        let rates = self.last.map_or((0.0, 0.0), |(own, other)| (rate(own, ego.axis), rate(other, place.axis)));
-        self.last = Some((ego.axis, place.axis));
-        let own = Forecast {
+        let speed_mps = velocity.norm();
+        let (own_radps, other_radps, gain_mps2) = self.last.map_or((0.0, 0.0, 0.0), |(own, other, before_mps)| {
+            (rate(own, ego.axis), rate(other, place.axis), (speed_mps - before_mps) / DT_S)
+        });
+        self.last = Some((ego.axis, place.axis, speed_mps));
+        let own = Moving {
             place: Place { position: ego.sample.position, axis: ego.axis },
             velocity: ego.sample.velocity,
-            yaw_rate_radps: rates.0,
+            yaw_rate_radps: own_radps,
             size: &ego.size,
         };
-        let other = |yaw_rate_radps| Forecast { place, velocity, yaw_rate_radps, size: &size };
+        let other = |yaw_rate_radps| Moving { place, velocity, yaw_rate_radps, size: &size };
         let horizon_s = self.options.horizon_s;
         let threatens = self.is_in_envelope(&own, &size.at(place), velocity)
             || own.meets(&other(0.0), horizon_s)
-            || own.meets(&other(rates.1), horizon_s);
+            || own.meets(&other(other_radps), horizon_s)
+            || self.options.forecast == Forecast::Lanes
+                && size.kind != AgentKind::Pedestrian
+                && OnLanes { place, size: &size, speed_mps, gain_mps2: gain_mps2.clamp(0.0, GAIN_MPS2_MAX) }
+                    .meets(state, horizon_s);
         threatens && self.is_in_view(state, k, &size.at(place))
     }
 
-    fn is_in_envelope(&self, ego: &Forecast<'_>, other: &OrientedBox, velocity: Vec2) -> bool {
+    fn is_in_envelope(&self, ego: &Moving<'_>, other: &OrientedBox, velocity: Vec2) -> bool {
         let (speed, axis) = (ego.velocity.norm(), ego.place.axis);
         let away = velocity.dot(axis).max(0.0);
         let braking_m = (speed * speed - away * away) / (2.0 * self.options.brake_mps2);
@@ -193,7 +248,7 @@ mod tests {
     fn a_turning_body_is_predicted_along_its_circle() {
         let size = Size::new(AgentKind::Vehicle, 4.0, 2.0);
         let place = Place { position: Vec2::ZERO, axis: Vec2::new(1.0, 0.0) };
-        let body = Forecast { place, velocity: Vec2::new(10.0, 0.0), yaw_rate_radps: 0.5, size: &size };
+        let body = Moving { place, velocity: Vec2::new(10.0, 0.0), yaw_rate_radps: 0.5, size: &size };
         // Radius v / ω = 20 m: a quarter circle after π/2 / 0.5 s ends at (20, 20), heading +y.
         let quarter = body.after(num::PI);
         assert!(quarter.center.distance(Vec2::new(20.0, 20.0)) < 1e-9, "{quarter:?}");

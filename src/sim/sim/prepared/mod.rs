@@ -15,7 +15,7 @@ mod segment;
 
 pub use body::Size;
 pub use error::SimError;
-pub use options::{AvoidanceOptions, Scripts, SimulatorOptions, SimulatorOptionsError};
+pub use options::{AvoidanceOptions, Forecast, Scripts, SimulatorOptions, SimulatorOptionsError};
 pub use path::{Along, Path};
 pub use plant::Plant;
 pub use plant_options::{EgoBox, EgoCar, FollowerStart, Obstacle, PlantOptions, TrafficBoxes};

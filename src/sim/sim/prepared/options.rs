@@ -101,6 +101,29 @@ pub struct AvoidanceOptions {
     pub swerve_mps2: f64,
     /// How far a swerve goes aside, and the farthest that it leads beside the route, metres.
     pub swerve_m: f64,
+    /// How it is predicted who is about to be met. Absent from what is written where it is the first.
+    #[serde(default, skip_serializing_if = "Forecast::is_of_motion")]
+    pub forecast: Forecast,
+    /// Whether swerves by half a metre, one and two may help, too. The friction circle and the road bound them as the far one.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub lesser_swerves: bool,
+}
+
+/// What an ego is taken to expect of the others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Forecast {
+    /// That they keep velocity, or speed and turn rate.
+    #[default]
+    Motion,
+    /// That, and that they may go along their lanes and any exit of these.
+    Lanes,
+}
+
+impl Forecast {
+    fn is_of_motion(&self) -> bool {
+        *self == Forecast::Motion
+    }
 }
 
 impl AvoidanceOptions {
@@ -114,6 +137,8 @@ impl AvoidanceOptions {
         brake_rise_s: 0.6,
         swerve_mps2: 4.9,
         swerve_m: 3.5,
+        forecast: Forecast::Motion,
+        lesser_swerves: false,
     };
 
     /// The options with their bounds: name, value, lowest and highest.

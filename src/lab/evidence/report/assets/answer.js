@@ -96,13 +96,13 @@ function comparePart(lineage) {
   const b = names.includes(state.b) ? state.b : lineage.result && lineage.result.evolved.solution !== a && names.includes(lineage.result.evolved.solution) ? lineage.result.evolved.solution : names.find((n) => n !== a);
   const choose = (key, value) => el("select", { id: `compare-${key}`, onchange: (e) => go({ [key]: e.target.value }) }, names.map((n) => option(n, n, n === value)));
   const of = (name) => { for (const l of data.lineages) { const h = heldOut(l, name); if (h) return h; } return null; };
-  const [first, second] = [of(a), of(b)], rows = [["attack", (h) => h.measured.objectives.attack, 3], [STRICT(), (h) => h.measured.objectives.realism, 4], ["realism", (h) => h.realism_acted, 4], ["coverage", (h) => h.measured.coverage, 2], ["any crash", (h) => h.measured.any_contact, 3]];
+  const [first, second] = [of(a), of(b)], rows = [["attack", (h) => h.measured.objectives.attack, 3], [STRICT(), (h) => h.measured.objectives.realism, 4], ["realism", (h) => h.realism_acted, 4], ["fails", (h) => h.failing_share ?? null, 3], ["coverage", (h) => h.measured.coverage, 2], ["any crash", (h) => h.measured.any_contact, 3]];
   const play = el("div"), scene = stage.rollouts.filter((p) => p.solution === a).map((p) => p.scene).filter((s) => rolloutOf(b, s));
   const at = scene.includes(state.scene) ? state.scene : scene.find((s) => !!rolloutOf(a, s).contact !== !!rolloutOf(b, s).contact) || scene[0];
   if (at) setTimeout(() => { if (play.isConnected) film(play, at, [["A", a], ["B", b]], { height: 260, at: "contact" }); }, 0);
   return el("section", { class: "part", id: "compare" }, el("h2", {}, "Two programs beside each other"), el("div", { class: "controls" }, el("label", {}, "A ", choose("a", a)), el("label", {}, "B ", choose("b", b)),
     scene.length ? el("label", {}, "Scene ", el("select", { id: "compare-scene", onchange: (e) => go({ scene: e.target.value }) }, scene.map((s) => option(s, s, s === at)))) : null),
-    first && second ? sortable(["On held-out scenes", "A", "B", "B − A"], rows.map(([name, value, digits]) => [name, [value(first), digits], [value(second), digits], [value(second) - value(first), digits, signed(value(second) - value(first), digits)]]), `compare-${a}-${b}`) : null,
+    first && second ? sortable(["On held-out scenes", "A", "B", "B − A"], rows.filter(([, value]) => value(first) !== null).map(([name, value, digits]) => [name, [value(first), digits], [value(second), digits], [value(second) - value(first), digits, signed(value(second) - value(first), digits)]]), `compare-${a}-${b}`) : null,
     at ? play : note("No scene is played with both; ", el("code", {}, `evodrive scenes show --attempt ${b}`), " draws any."),
     el("h3", {}, "From A to B"), diffText(lineDiff(data.programs[a], data.programs[b])));
 }

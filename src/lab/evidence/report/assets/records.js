@@ -70,7 +70,7 @@ function resultPart() {
   const acted = (l, m) => (heldOut(l, m.solution) || {}).realism_acted ?? null;
   const of = (l, m) => [[m.objectives.attack, 3], [m.any_contact, 3], [acted(l, m), 4], [m.coverage > 0 ? m.objectives.realism : null, 4], [m.coverage, 2]];
   // The recorded scenes without a program stand under the parent's heads, above the lineages however these are sorted.
-  const none = Array.from({ length: 7 }, () => [null, 0]), nothing = (r) => [`no program, ${r.ego}`, ...none, [0, 3], [r.contact_rate, 3], [r.realism, 4], [null, 0], [0, 2], [null, 0], ""];
+  const none = Array.from({ length: 7 }, () => [null, 0]), nothing = (r) => [`no program, ${r.ego}`, ...none, [r.attack, 3], [r.contact_rate, 3], [r.realism, 4], [null, 0], [0, 2], [null, 0], ""];
   const chosen = (r, l) => ({ by: r.evolved.solution, node: el("span", { class: "chosen" }, el("code", {}, shortId(r.evolved.solution, l)), " ", playButton(r.evolved.solution)) }), change = (value, digits) => [value, digits, signed(value, digits)];
   const line = (l) => { const r = l.result; return [r.lineage, change(r.evolved.objectives.attack - r.parent.objectives.attack, 3), change(r.evolved.objectives.realism - r.parent.objectives.realism, 4), ...of(l, r.evolved), ...of(l, r.parent), change(r.pf_area_at_3_pct, 1), chosen(r, l)]; };
   const file = ["lineage", "change of attack", `change of ${strict}`, ...["evolved", "parent"].flatMap((which) => five.map((h) => `${which} ${h}`)), "PF-Area@3 %", "chosen program"];

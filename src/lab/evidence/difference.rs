@@ -1,0 +1,222 @@
+//! How the scenes of two pools differ: quantity by quantity, and as a whole by whether a classifier tells them apart.
+
+use serde::Serialize;
+
+use crate::kernel::{Digest, Pose, Threads, num};
+use crate::scene::beside::{self, QUANTITIES};
+use crate::scene::stats::Summary;
+use crate::scene::{AgentKind, LaneGraph, Sample, Scene, SceneFeatures, Track};
+use crate::statistics::Estimate;
+use crate::statistics::bootstrap::variance;
+use crate::statistics::two_samples::{Member, told_apart, wasserstein};
+
+/// What a scene is by its features: name, the feature, unit, and whether it is of the road and not of who is on it.
+const OF_SCENES: [(&str, &str, &str, bool); 14] = [
+    ("vehicles", "vehicle_count", "", false),
+    ("pedestrians", "pedestrian_count", "", false),
+    ("cyclists", "cyclist_count", "", false),
+    ("the ego's speed", "ego_speed_mps", "m/s", false),
+    ("the ego's way", "ego_route_length_m", "m", false),
+    ("traffic's speed", "traffic_speed_mps", "m/s", false),
+    ("nearest vehicle", "nearest_vehicle_gap_m", "m", false),
+    ("nearest way to the ego's", "log_distance_m_min", "m", false),
+    ("ways that cross the ego's", "conflict_count", "", false),
+    ("curvature, sharpest", "route_curvature_max_1pm", "1/m", true),
+    ("speed limit", "speed_limit_mps", "m/s", true),
+    ("lanes abreast", "lane_count", "", true),
+    ("light on the way", "has_light", "", true),
+    ("junction on the way", "is_junction", "", true),
+];
+/// Vehicles around the ego's start, by where they are.
+const AROUND: [&str; 3] = ["vehicles ahead within 30 m", "vehicles beside within 30 m", "vehicles behind within 30 m"];
+const AROUND_M: f64 = 30.0;
+/// Whoever is no farther along the ego's heading than this is beside it, metres.
+const BESIDE_M: f64 = 4.0;
+
+/// An ego with fewer samples has no recording to look from.
+const RECORDED_MIN: usize = 20;
+/// Who is never faster stands, m/s.
+const MOVES_MPS: f64 = 1.0;
+
+/// One quantity in both pools.
+#[derive(Clone, Debug, Serialize)]
+pub struct Quantity {
+    /// `road users`, `scenes` or `roads`: of whom it is a number.
+    pub of: &'static str,
+    pub name: &'static str,
+    /// Empty for counts and shares.
+    pub unit: &'static str,
+    pub first: Summary,
+    pub second: Summary,
+    /// Wasserstein's distance of first order, in the unit.
+    pub distance: f64,
+    /// That in standard deviations of both pools together; 0 where they do not vary.
+    pub in_deviations: f64,
+}
+
+/// How well a classifier tells the pools apart by a group of quantities; cross-validated, by scene.
+#[derive(Clone, Debug, Serialize)]
+pub struct ToldApart {
+    pub by: &'static str,
+    /// Area under the curve, 0.5 where nothing is told, with its 95 % interval over scenes.
+    pub auc: Estimate,
+}
+
+/// The difference of two pools.
+#[derive(Clone, Debug, Serialize)]
+pub struct Difference {
+    pub scenes: [usize; 2],
+    pub quantities: Vec<Quantity>,
+    pub told_apart: Vec<ToldApart>,
+}
+
+/// What one scene gives.
+struct Rows {
+    /// In the order of [`OF_SCENES`], then [`AROUND`].
+    scene: Vec<f64>,
+    /// In the order of [`QUANTITIES`].
+    beside: Vec<Vec<f64>>,
+}
+
+impl Difference {
+    /// Of two lists of scenes.
+    pub fn of(pools: [&[Scene]; 2], threads: &Threads) -> Difference {
+        let rows = pools.map(|scenes| threads.map(scenes, |_, scene| rows(scene)));
+        let names = OF_SCENES.iter().map(|(name, _, unit, of_road)| (*name, *unit, *of_road));
+        let names: Vec<(&str, &str, bool)> = names.chain(AROUND.map(|name| (name, "", false))).collect();
+        let users = QUANTITIES.iter().enumerate().filter_map(|(place, (name, unit, _))| {
+            let values = |rows: &[Rows]| rows.iter().flat_map(|of| &of.beside).map(|row| row[place]).collect();
+            quantity(("road users", name, unit), [values(&rows[0]), values(&rows[1])])
+        });
+        let scenes = names.iter().enumerate().filter_map(|(place, (name, unit, of_road))| {
+            let values = |rows: &[Rows]| rows.iter().map(|of| of.scene[place]).collect();
+            let of = if *of_road { "roads" } else { "scenes" };
+            quantity((of, name, unit), [values(&rows[0]), values(&rows[1])])
+        });
+        let suite = Digest::of_bytes(format!("pools {} {}", pools[0].len(), pools[1].len()).as_bytes());
+        let apart = |by: &'static str, of: &dyn Fn(&Rows) -> Vec<Vec<f64>>| {
+            let members = members(&rows, of);
+            Some(ToldApart { by, auc: told_apart(&members, suite)? })
+        };
+        let picked = |row: &Rows, of_roads: bool| {
+            let kept = names.iter().zip(&row.scene).filter(|((.., of_road), _)| *of_road == of_roads);
+            vec![kept.map(|(_, value)| *value).collect()]
+        };
+        let told_apart = [
+            apart("road users beside the ego", &|row| row.beside.clone()),
+            apart("traffic of the scene", &|row| picked(row, false)),
+            apart("road", &|row| picked(row, true)),
+        ];
+        Difference {
+            scenes: pools.map(<[Scene]>::len),
+            quantities: users.chain(scenes).collect(),
+            told_apart: told_apart.into_iter().flatten().collect(),
+        }
+    }
+}
+
+/// The scenes of both pools in turn, so that each part of the cross-validation has some of both.
+fn members(rows: &[Vec<Rows>; 2], of: &dyn Fn(&Rows) -> Vec<Vec<f64>>) -> Vec<Member> {
+    let mut members = Vec::new();
+    for (second, rows) in [false, true].into_iter().zip(rows) {
+        for (place, row) in rows.iter().enumerate() {
+            let group = 2 * place + usize::from(second);
+            members.extend(of(row).into_iter().map(|values| Member { group, second, values }));
+        }
+    }
+    members
+}
+
+fn quantity(
+    (of, name, unit): (&'static str, &'static str, &'static str),
+    [first, second]: [Vec<f64>; 2],
+) -> Option<Quantity> {
+    let distance = wasserstein(&first, &second)?;
+    let all: Vec<f64> = first.iter().chain(&second).copied().collect();
+    let deviation = variance(&all).sqrt();
+    let in_deviations = if deviation > 0.0 { distance / deviation } else { 0.0 };
+    Some(Quantity { of, name, unit, first: Summary::of(first)?, second: Summary::of(second)?, distance, in_deviations })
+}
+
+fn rows(scene: &Scene) -> Rows {
+    let lanes = LaneGraph::of(&scene.road);
+    let features = SceneFeatures::of(scene, &lanes);
+    let mut of_scene: Vec<f64> =
+        OF_SCENES.iter().map(|(_, feature, ..)| features.value(feature).unwrap_or(0.0)).collect();
+    of_scene.extend(around(scene));
+    let (seen_from, from) = reference(scene);
+    let ego: Vec<Sample> = seen_from.samples.iter().skip(from).map_while(|sample| *sample).collect();
+    let row = |samples: &[Option<Sample>]| beside::row(&ego, samples.get(from..)?, &lanes);
+    let others = scene.tracks.iter().filter(|track| track.id != seen_from.id);
+    let beside = others.filter_map(|track| row(&track.samples)).map(Vec::from).collect();
+    Rows { scene: of_scene, beside }
+}
+
+/// Whom road users are seen from, and from which step on: the ego, or where it has no recording, as in a planning problem, the vehicle that
+/// is recorded longest. Of equals the first.
+fn reference(scene: &Scene) -> (&Track, usize) {
+    let own = (&scene.ego.track, scene.ego.start_step);
+    let observed = |(track, from): (&Track, usize)| track.samples.iter().skip(from).map_while(Option::as_ref).count();
+    let moves = |track: &&Track| {
+        track.kind == AgentKind::Vehicle && track.samples.iter().flatten().any(|sample| sample.speed_mps() > MOVES_MPS)
+    };
+    let begun = |track| Some((track, Track::span(track)?.0));
+    let others = scene.tracks.iter().filter(moves).filter_map(begun);
+    std::iter::once(own)
+        .filter(|own| observed(*own) >= RECORDED_MIN)
+        .chain(others)
+        .reduce(|best, next| {
+            let is_better = best.0.id != own.0.id && observed(next) > observed(best);
+            if is_better { next } else { best }
+        })
+        .unwrap_or(own)
+}
+
+/// Vehicles ahead, beside and behind at the ego's start.
+fn around(scene: &Scene) -> [f64; 3] {
+    let mut counts = [0.0; 3];
+    let Some(ego) = scene.ego.track.at(scene.ego.start_step) else { return counts };
+    let here = Pose { position: ego.position, heading_rad: ego.heading_rad };
+    let others = scene.tracks.iter().filter(|track| track.kind == AgentKind::Vehicle);
+    for other in others.filter_map(|track| track.at(scene.ego.start_step)) {
+        let there = here.to_local(other.position);
+        if num::hypot(there.x, there.y) < AROUND_M {
+            let place = if there.x > BESIDE_M { 0 } else { 1 + usize::from(there.x < -BESIDE_M) };
+            counts[place] += 1.0;
+        }
+    }
+    counts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::Seed;
+    use crate::scene::fixture::worlds;
+    use evodrive_core::synth::{self, SynthOptions, WorldKind};
+
+    fn pool(kind: WorldKind, seed: u64) -> Vec<Scene> {
+        let options = SynthOptions { kinds: vec![kind], ..worlds() };
+        synth::pool(&options, Seed(seed), 30).unwrap()
+    }
+
+    #[test]
+    fn pools_of_one_kind_are_not_told_apart_and_a_motorway_is_told_from_a_crossing() {
+        let threads = Threads::new(2).unwrap();
+        let auc = |a: &[Scene], b: &[Scene], by: &str| {
+            let difference = Difference::of([a, b], &threads);
+            difference.told_apart.iter().find(|of| of.by == by).unwrap().auc
+        };
+        let crossings = pool(WorldKind::SignalledCrossing, 1);
+        let same = auc(&crossings, &pool(WorldKind::SignalledCrossing, 2), "road users beside the ego");
+        let [low, high] = same.interval.unwrap();
+        assert!(low < 0.5 && 0.5 < high, "{same:?}");
+        let motorways = pool(WorldKind::Highway, 1);
+        assert!(auc(&crossings, &motorways, "road users beside the ego").value > 0.8);
+        assert!(auc(&crossings, &motorways, "road").value > 0.9);
+        let difference = Difference::of([&crossings, &motorways], &threads);
+        let speed = difference.quantities.iter().find(|of| of.name == "traffic's speed").unwrap();
+        assert!(speed.second.mean > speed.first.mean && speed.in_deviations > 1.0, "{speed:?}");
+        assert!(Difference::of([&crossings, &crossings], &threads).quantities.iter().all(|of| of.distance == 0.0));
+    }
+}

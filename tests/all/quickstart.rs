@@ -351,7 +351,7 @@ fn help_texts_are_goldens() {
     }
     let scenes = [
         "import", "generate", "check", "filter", "merge", "split", "list", "show", "best", "draw", "browse", "export",
-        "stats",
+        "compare", "stats",
     ];
     for command in scenes {
         text += &format!("\n---- evodrive scenes {command} --help\n{}", run(&["scenes", command, "--help"]).stdout);

@@ -74,8 +74,8 @@ pub enum RealismMean {
     Strict,
     /// The mean over all labelled scenes, those that nobody touched counting 1 (paper eq. prelim-objectives).
     Plain,
-    /// The strict one, and no more than the share of scenes acted in where no diagnostic fails outright: a mean hides a diagnostic of
-    /// little weight that fails in most scenes.
+    /// The strict one, and no more than the share of scenes acted in, nor of successes, where no diagnostic fails outright: a mean hides a
+    /// diagnostic of little weight that fails in most scenes.
     Sound,
 }
 

@@ -93,6 +93,7 @@ pub struct RealismSums {
     succeeded: usize,
     attack: f64,
     attack_realism: f64,
+    attack_failing: f64,
 }
 
 impl RealismSums {
@@ -115,6 +116,7 @@ impl RealismSums {
                 self.succeeded += 1;
                 self.attack += scene.attack;
                 self.attack_realism += scene.attack * scene.realism;
+                self.attack_failing += if scene.fails_outright() { scene.attack } else { 0.0 };
             }
         }
     }
@@ -131,6 +133,7 @@ impl RealismSums {
                 self.succeeded -= 1;
                 self.attack -= scene.attack;
                 self.attack_realism -= scene.attack * scene.realism;
+                self.attack_failing -= if scene.fails_outright() { scene.attack } else { 0.0 };
             }
         }
         self
@@ -155,9 +158,16 @@ impl RealismSums {
     pub fn realism(&self, mean: RealismMean) -> Option<f64> {
         match mean {
             RealismMean::Strict => self.strict(),
-            RealismMean::Sound => Some(self.strict()?.min(1.0 - self.failing_share()?)),
+            RealismMean::Sound => Some(self.strict()?.min(self.sound()?)),
             RealismMean::Plain => (self.labelled > 0).then(|| (self.realism / self.labelled as f64).clamp(0.0, 1.0)),
         }
+    }
+
+    /// The smaller one of the shares of the scenes acted in and of the successes, by their attack, where nothing fails outright.
+    fn sound(&self) -> Option<f64> {
+        let acted = 1.0 - self.failing_share()?;
+        let succeeded = (self.succeeded > 0).then(|| 1.0 - self.attack_failing / self.attack);
+        Some(succeeded.map_or(acted, |succeeded| succeeded.min(acted)).clamp(0.0, 1.0))
     }
 
     /// The strict realism: the smaller one of the mean over the scenes acted in and the mean over successes, each success weighing as much
@@ -299,5 +309,14 @@ mod tests {
         let clean = RealismSums::of(&[label(false)]);
         assert_eq!(clean.realism(RealismMean::Sound), clean.realism(RealismMean::Strict));
         assert_eq!(RealismSums::default().realism(RealismMean::Sound), None);
+    }
+
+    /// Pushes that achieve nothing, and are clean, are as cheap here as they are for the mean.
+    #[test]
+    fn nudges_elsewhere_make_no_success_sound() {
+        let mut sums = RealismSums::of(&(0..10).map(|_| label(true)).collect::<Vec<_>>());
+        (0..990).for_each(|_| sums.add(&SceneScore { attack: 0.0, ..label(false) }));
+        assert!(sums.failing_share().unwrap() <= 0.01);
+        assert_eq!(sums.realism(RealismMean::Sound), Some(0.0));
     }
 }

@@ -258,8 +258,8 @@ fn column_words(safebench: bool, mean: RealismMean) -> String {
             "strict realism: the smaller one of that and the mean over its successes, which the search uses"
         }
         (false, RealismMean::Sound) => {
-            "sound realism: the smallest one of that, the mean over its successes and the share of those scenes where nothing fails, which the \
-             search uses"
+            "sound realism: the smallest one of that, the mean over its successes and the shares of those scenes and of its successes where \
+             nothing fails, which the search uses"
         }
     };
     format!(

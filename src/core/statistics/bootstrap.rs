@@ -88,6 +88,13 @@ impl Estimate {
         Estimate { interval: self.interval.map(ends), ..self }
     }
 
+    /// With so many digits: `0.450 [0.401, 0.502]`.
+    pub fn text(&self, digits: u32) -> String {
+        let fixed = |value: f64| num::fixed(value, digits);
+        let ends = self.interval.map_or(String::new(), |[low, high]| format!(" [{}, {}]", fixed(low), fixed(high)));
+        format!("{}{ends}", fixed(self.value))
+    }
+
     /// The chance of a distance like this one's to `from` or a larger one, to either side, where searches were repeated.
     pub fn chance_beyond(&self, from: f64) -> Option<f64> {
         self.spread.map(|spread| student::two_sided((self.value - from) / spread.error, spread.freedom))

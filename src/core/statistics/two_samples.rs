@@ -2,7 +2,7 @@
 //! two-sample test: Lopez-Paz and Oquab, 2017).
 
 use super::boosted;
-use super::bootstrap::{Estimate, draws};
+use super::bootstrap::{Estimate, draws, variance};
 use super::table::{Table, moments, standardised};
 use crate::kernel::Digest;
 
@@ -90,6 +90,12 @@ fn auc(members: &[Member], scores: &[f64], order: &[usize], times: &[f64]) -> Op
     (firsts > 0.0 && seconds > 0.0).then(|| below / (firsts * seconds))
 }
 
+/// [`wasserstein`] in standard deviations of both samples together; 0 where they do not vary. `None` where one is empty.
+pub fn in_deviations(a: &[f64], b: &[f64]) -> Option<f64> {
+    let (distance, deviation) = (wasserstein(a, b)?, variance(&[a, b].concat()).sqrt());
+    Some(if deviation > 0.0 { distance / deviation } else { 0.0 })
+}
+
 /// Wasserstein's distance of first order, in the numbers' unit: how far the one sample must be moved, on the mean, to become the other. `None`
 /// where one is empty.
 pub fn wasserstein(a: &[f64], b: &[f64]) -> Option<f64> {
@@ -172,5 +178,8 @@ mod tests {
         assert_eq!(wasserstein(&[0.0, 0.0], &[0.0, 1.0]), Some(0.5));
         assert!((wasserstein(&[0.0, 3.0, 6.0], &[3.0]).unwrap() - 2.0).abs() < 1e-12);
         assert_eq!(wasserstein(&[], &[1.0]), None);
+        // The four have a deviation of √(5 / 3).
+        assert!((in_deviations(&[0.0, 1.0], &[2.0, 3.0]).unwrap() - 2.0 / (5.0_f64 / 3.0).sqrt()).abs() < 1e-12);
+        assert_eq!(in_deviations(&[1.0], &[1.0]), Some(0.0));
     }
 }

@@ -7,8 +7,7 @@ use crate::scene::beside::{self, QUANTITIES};
 use crate::scene::stats::Summary;
 use crate::scene::{AgentKind, LaneGraph, Sample, Scene, SceneFeatures, Track};
 use crate::statistics::Estimate;
-use crate::statistics::bootstrap::variance;
-use crate::statistics::two_samples::{Member, told_apart, wasserstein};
+use crate::statistics::two_samples::{Member, in_deviations, told_apart, wasserstein};
 
 /// What a scene is by its features: name, the feature, unit, and whether it is of the road and not of who is on it.
 const OF_SCENES: [(&str, &str, &str, bool); 14] = [
@@ -115,26 +114,21 @@ impl Difference {
     }
 }
 
-/// The scenes of both pools in turn, so that each part of the cross-validation has some of both.
+/// What a classifier is shown of both pools, a scene a group.
 fn members(rows: &[Vec<Rows>; 2], of: &dyn Fn(&Rows) -> Vec<Vec<f64>>) -> Vec<Member> {
-    let mut members = Vec::new();
-    for (second, rows) in [false, true].into_iter().zip(rows) {
-        for (place, row) in rows.iter().enumerate() {
-            let group = 2 * place + usize::from(second);
-            members.extend(of(row).into_iter().map(|values| Member { group, second, values }));
-        }
-    }
-    members
+    let scenes =
+        [false, true].into_iter().zip(rows).flat_map(|(second, rows)| rows.iter().map(move |row| (second, row)));
+    let of_scene = |(group, (second, row)): (usize, (bool, &Rows))| {
+        of(row).into_iter().map(move |values| Member { group, second, values }).collect::<Vec<Member>>()
+    };
+    scenes.enumerate().flat_map(of_scene).collect()
 }
 
 fn quantity(
     (of, name, unit): (&'static str, &'static str, &'static str),
     [first, second]: [Vec<f64>; 2],
 ) -> Option<Quantity> {
-    let distance = wasserstein(&first, &second)?;
-    let all: Vec<f64> = first.iter().chain(&second).copied().collect();
-    let deviation = variance(&all).sqrt();
-    let in_deviations = if deviation > 0.0 { distance / deviation } else { 0.0 };
+    let (distance, in_deviations) = (wasserstein(&first, &second)?, in_deviations(&first, &second)?);
     Some(Quantity { of, name, unit, first: Summary::of(first)?, second: Summary::of(second)?, distance, in_deviations })
 }
 
@@ -161,15 +155,11 @@ fn reference(scene: &Scene) -> (&Track, usize) {
         track.kind == AgentKind::Vehicle && track.samples.iter().flatten().any(|sample| sample.speed_mps() > MOVES_MPS)
     };
     let begun = |track| Some((track, Track::span(track)?.0));
+    if observed(own) >= RECORDED_MIN {
+        return own;
+    }
     let others = scene.tracks.iter().filter(moves).filter_map(begun);
-    std::iter::once(own)
-        .filter(|own| observed(*own) >= RECORDED_MIN)
-        .chain(others)
-        .reduce(|best, next| {
-            let is_better = best.0.id != own.0.id && observed(next) > observed(best);
-            if is_better { next } else { best }
-        })
-        .unwrap_or(own)
+    others.reduce(|best, next| if observed(next) > observed(best) { next } else { best }).unwrap_or(own)
 }
 
 /// Vehicles ahead, beside and behind at the ego's start.

@@ -6,8 +6,7 @@ use std::fmt::Write as _;
 use crate::kernel::{Digest, num};
 use crate::scene::beside::{COLUMNS, QUANTITIES};
 use crate::statistics::Estimate;
-use crate::statistics::bootstrap::variance;
-use crate::statistics::two_samples::{Member, told_apart, wasserstein};
+use crate::statistics::two_samples::{Member, in_deviations, told_apart};
 
 /// A road user's motion beside the ego ([`crate::scene::beside`]), and the scene that it is in, by its place.
 pub type Moving = (usize, [f64; COLUMNS]);
@@ -41,9 +40,8 @@ impl RoadUsers {
         recognised([&self.recorded, &self.acted], suite)
     }
 
-    /// The control: recorded road users of the scenes in even places against those of the others, who must not be told apart.
+    /// The control: recorded road users of every second scene against those of the others, who must not be told apart.
     pub fn control(&self, suite: Digest) -> Recognised {
-        // Two by two, so that each part of the cross-validation has both.
         let (second, first): (Vec<Moving>, Vec<Moving>) = self.recorded.iter().partition(|(scene, _)| scene % 2 == 1);
         recognised([&first, &second], suite)
     }
@@ -54,9 +52,7 @@ fn recognised([recorded, acted]: [&[Moving]; 2], suite: Digest) -> Recognised {
     let members: Vec<Member> = recorded.iter().map(member(false)).chain(acted.iter().map(member(true))).collect();
     let distance = |column: usize| {
         let of = |users: &[Moving]| users.iter().map(|(_, row)| row[column]).collect::<Vec<f64>>();
-        let (first, second) = (of(recorded), of(acted));
-        let deviation = variance(&[first.clone(), second.clone()].concat()).sqrt();
-        if deviation > 0.0 { wasserstein(&first, &second).unwrap_or(0.0) / deviation } else { 0.0 }
+        in_deviations(&of(recorded), &of(acted)).unwrap_or(0.0)
     };
     let mut differs: Vec<(&str, f64)> =
         QUANTITIES.iter().enumerate().map(|(column, (name, ..))| (*name, distance(column))).collect();
@@ -76,10 +72,7 @@ pub fn text(rows: &[(String, Option<f64>, Recognised)], (scenes, driver): (usize
     );
     for (name, realism, of) in rows {
         let realism = realism.map_or("–".to_string(), |realism| format!("{realism:.3}"));
-        let auc = of.auc.as_ref().map_or("–".to_string(), |auc| {
-            let ends = auc.interval.map_or(String::new(), |[low, high]| format!(" [{low:.2}, {high:.2}]"));
-            format!("{:.2}{ends}", auc.value)
-        });
+        let auc = of.auc.map_or("–".to_string(), |auc| auc.text(2));
         let differs: Vec<String> =
             of.differs.iter().map(|(name, by)| format!("{name} {}", num::fixed(*by, 2))).collect();
         let _ =

@@ -50,13 +50,7 @@ fn text(of: &Difference, options: &Options) -> String {
     text += &Aligned { indent: 0, labels: 2, words: 0, heads, rows }.text(table_width());
     text +=
         "\ndistance: Wasserstein's of first order, in the unit, and in standard deviations of both pools together.\n\n";
-    let classified = of.told_apart.iter().map(|by| {
-        let ends = by
-            .auc
-            .interval
-            .map_or(String::new(), |[low, high]| format!(" [{}, {}]", num::fixed(low, 2), num::fixed(high, 2)));
-        vec![by.by.to_string(), format!("{}{ends}", num::fixed(by.auc.value, 2))]
-    });
+    let classified = of.told_apart.iter().map(|by| vec![by.by.to_string(), by.auc.text(2)]);
     let heads = vec!["told apart by".to_string(), "AUC".to_string()];
     text += &Aligned { indent: 0, labels: 1, words: 0, heads, rows: classified.collect() }.text(table_width());
     text += "\nAUC: the chance that a classifier (boosted trees, cross-validated by scene) takes the one of [2] for it, of two drawn from both; 0.5 where \

@@ -23,18 +23,12 @@ pub fn class_counts(cases: &[&Case]) -> String {
 
 /// A share with its interval.
 pub fn share(share: Option<Share>) -> String {
-    share.map_or("-".into(), |of| bracketed(of.value, Some(of.interval)))
+    share.map_or("-".into(), |of| Estimate { interval: Some(of.interval), ..Estimate::plain(of.value) }.text(3))
 }
 
 /// A mean with its interval.
 pub fn mean(mean: Option<Estimate>) -> String {
-    mean.map_or("-".into(), |of| bracketed(of.value, of.interval))
-}
-
-fn bracketed(value: f64, interval: Option<[f64; 2]>) -> String {
-    let interval =
-        interval.map_or(String::new(), |[low, high]| format!(" [{}, {}]", num::fixed(low, 3), num::fixed(high, 3)));
-    format!("{}{interval}", num::fixed(value, 3))
+    mean.map_or("-".into(), |of| of.text(3))
 }
 
 /// Heads of a table of totals; a completion stands beside every crash rate.

@@ -194,8 +194,7 @@ fn careful(
 type Differing = (&'static str, fn(&mut AvoidanceOptions));
 
 /// Careful drivers by what they differ in from the experiment's.
-const CAREFUL: [Differing; 6] = [
-    ("as declared", |_| ()),
+const CAREFUL: [Differing; 5] = [
     ("reacts after 0.75 s", |of| of.reaction_s = 0.75),
     ("reacts after 0.4 s", |of| of.reaction_s = 0.4),
     ("foresees ways along lanes", |of| of.forecast = Forecast::Lanes),

@@ -37,7 +37,7 @@ pub struct Reading {
     pub words: &'static str,
 }
 
-const fn reading(words: &'static str, of: Read) -> Reading {
+pub(super) const fn reading(words: &'static str, of: Read) -> Reading {
     Reading { of, words }
 }
 

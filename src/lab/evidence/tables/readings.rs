@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::derivations::{Derivations, ReplayRead, Source};
 use super::error::TableError;
 use super::key::Side;
-use super::labels::{self, LineageLabels, Read, Reading};
+use super::labels::{self, LineageLabels, Read, Reading, reading};
 use super::layout::{Column, Form, Row, Sourced, Table, heads};
 use super::metadrive::{quantity, replay_row, row, table};
 use super::notes;
@@ -161,19 +161,15 @@ pub fn searched_contacts(runs: &[RecordedRun]) -> Result<Vec<SearchedContacts>, 
     Ok(searches(all.iter().copied()).iter().map(searched).collect())
 }
 
-/// A count of contacts that the program brings about.
-const fn brings(words: &'static str, of: Read) -> Reading {
-    Reading { of, words }
-}
-
-const ALL: Reading = brings("1 where the program brings a contact about, else 0", BROUGHT_ABOUT);
-const BY_RAMS: Reading = brings("1 where the program brings a ram from behind about, else 0", RAMS);
-const BY_STANDING: Reading = brings("1 where the ego meets what the program made stand, else 0", STANDING);
-const PREVENTED: Reading = brings(
+/// Counts of contacts that the program brings about.
+const ALL: Reading = reading("1 where the program brings a contact about, else 0", BROUGHT_ABOUT);
+const BY_RAMS: Reading = reading("1 where the program brings a ram from behind about, else 0", RAMS);
+const BY_STANDING: Reading = reading("1 where the ego meets what the program made stand, else 0", STANDING);
+const PREVENTED: Reading = reading(
     "1 where the program brings a contact about that a careful ego could have prevented, else 0",
     COULD_BE_PREVENTED,
 );
-const EGOS_FAULT: Reading = brings(
+const EGOS_FAULT: Reading = reading(
     "1 where the program brings a contact about for which the ego is at fault by nuPlan's rule, else 0",
     AT_FAULT,
 );

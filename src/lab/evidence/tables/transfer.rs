@@ -272,14 +272,17 @@ pub struct Careful {
     pub scores: Vec<Score>,
 }
 
-/// The preventable share of scenes by who judges, a program one row; above them the share of contacts about which a judge says otherwise than
-/// the first. Markdown.
-pub fn sensitivity(of: &Transferred, judges: &[Careful]) -> String {
+/// The preventable share of scenes against the first driver, by who judges, a program one row; above them the share of contacts about which a
+/// judge says otherwise than the declared one, whose labels the programs have. Markdown.
+pub fn sensitivity(of: &Transferred, others: &[Careful]) -> String {
+    let own = of.scores.iter().filter_map(|of_program| of_program.first().cloned()).collect();
+    let judges: Vec<Careful> =
+        std::iter::once(Careful { name: "as declared", scores: own }).chain(others.iter().cloned()).collect();
     let avoidable = |score: &Score| -> Vec<Option<bool>> {
         score.scenes.iter().map(|scene| scene.contact.as_ref().and_then(|met| met.avoidable)).collect()
     };
     let verdicts = |judge: &Careful| judge.scores.iter().flat_map(avoidable).collect::<Vec<Option<bool>>>();
-    let first = judges.first().map(verdicts).unwrap_or_default();
+    let first = verdicts(&judges[0]);
     let moved = |judge: &Careful| {
         let both = first.iter().zip(verdicts(judge)).filter_map(|(one, other)| Some(labels::share((*one)? != other?)));
         num::mean(&both.collect::<Vec<f64>>())
@@ -300,7 +303,7 @@ pub fn sensitivity(of: &Transferred, judges: &[Careful]) -> String {
     );
     judges.iter().for_each(|judge| out += &format!(" {} |", judge.name));
     out += &format!("\n|---{}|\n", "|--:".repeat(judges.len()));
-    out += &format!("| contacts judged otherwise than by the first |{}\n", written(judges.iter().map(moved).collect()));
+    out += &format!("| contacts judged otherwise than as declared |{}\n", written(judges.iter().map(moved).collect()));
     for (program, name) in of.names().into_iter().enumerate() {
         out += &format!("| {name} |{}\n", written(judges.iter().map(|judge| share(program, judge)).collect()));
     }
@@ -374,6 +377,28 @@ mod tests {
         assert_eq!(shares("transfer-at-fault", 1), [0.7, 0.0]);
         let change = shares("transfer-published-change", 0);
         assert!((change[0] - 0.5).abs() < 1e-12 && change[1].abs() < 1e-12, "{change:?}");
+    }
+
+    #[test]
+    fn who_judges_moves_the_preventable_share_and_the_verdicts_that_moved_are_counted() {
+        let of = example();
+        // The other judge calls every contact of the first program unavoidable, two of the sixteen.
+        let mut scores: Vec<Score> = of.scores.iter().map(|of_program| of_program[0].clone()).collect();
+        scores[0]
+            .scenes
+            .iter_mut()
+            .filter_map(|scene| scene.contact.as_mut())
+            .for_each(|met| met.avoidable = Some(false));
+        let text = sensitivity(&of, &[Careful { name: "slower", scores }]);
+        for line in [
+            "| program | as declared | slower |",
+            "| contacts judged otherwise than as declared | 0.000 | 0.125 |",
+            "| CAT: parent | 0.200 | 0.000 |",
+            "| CAT: rules on idm | 0.800 | 0.800 |",
+            "| AT: rules on idm | 0.600 | 0.600 |",
+        ] {
+            assert!(text.lines().any(|of| of == line), "{line}\n{text}");
+        }
     }
 
     #[test]

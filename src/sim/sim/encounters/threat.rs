@@ -18,7 +18,7 @@ use crate::sim::prepared::options::{AvoidanceOptions, Forecast};
 use crate::sim::road_users::intervention::ActorRef;
 use crate::sim::rollouts::closed_loop::ClosedLoop;
 
-use super::ways::ways;
+use super::ways::ahead;
 
 /// Nobody is expected to gain speed faster than this for seconds, m/s².
 const GAIN_MPS2_MAX: f64 = 3.0;
@@ -97,12 +97,12 @@ impl OnLanes<'_> {
             .collect();
         let way_m = |gain_mps2: f64, seconds: f64| (self.speed_mps + 0.5 * gain_mps2 * seconds) * seconds;
         let farthest_m = way_m(self.gain_mps2, horizon_s);
-        let ways = ways(state.plant.lanes(), &self.place, farthest_m);
+        let lanes = ahead(state.plant.lanes(), &self.place, farthest_m);
         let gains: &[f64] = if self.gain_mps2 > 0.0 { &[0.0, self.gain_mps2] } else { &[0.0] };
-        ways.iter().any(|way| {
+        lanes.iter().any(|lane| {
             gains.iter().any(|&gain_mps2| {
                 moments(horizon_s).zip(&own).any(|(seconds, own)| {
-                    let there = way.after(way_m(gain_mps2, seconds));
+                    let there = lane.after(way_m(gain_mps2, seconds));
                     there.is_some_and(|place| near_overlap(own, &self.size.at(place), reach_m))
                 })
             })

@@ -57,7 +57,7 @@ fn credited(run: &mut RecordedRun, change: fn(&mut SceneScore)) {
 
 #[test]
 fn each_change_of_the_record_is_found_by_its_check() {
-    let cases: [(&str, &str, Change); 20] = [
+    let cases: [(&str, &str, Change); 22] = [
         ("continuity", "its hash is", |run| {
             let place = first(run, evaluated);
             if let Exit::Evaluated { candidate, .. } = &mut run.attempts[place].exit {
@@ -121,6 +121,10 @@ fn each_change_of_the_record_is_found_by_its_check() {
                 score.scenes[0].scene = closed;
             }
         }),
+        ("closed suite", "both an evolution and a selection scene", |run| {
+            run.opened.selection_scenes = run.opened.evolution_scenes[..1].to_vec();
+        }),
+        ("closed suite", "was not open to it", |run| run.opened.selection_scenes = vec!["another".into()]),
         ("front", "labels that no rollout gave it", |run| run.settled[0].front[0].objectives.attack += 0.01),
         ("front", "dominates it", |run| {
             let solution = run.settled[0].front[0].solution.clone();

@@ -129,6 +129,8 @@ fn a_matrix_has_in_each_column_what_applying_to_that_driver_gives() {
         &place("map.svg"),
         "--judges",
         &place("judges.md"),
+        "--recognised",
+        &place("recognised.md"),
         "--json",
     ]);
     assert_eq!(matrix.code, 0, "{}", matrix.stderr);
@@ -159,6 +161,50 @@ fn a_matrix_has_in_each_column_what_applying_to_that_driver_gives() {
     let figure = std::fs::read_to_string(place("map.svg")).unwrap();
     let judges = std::fs::read_to_string(place("judges.md")).unwrap();
     assert!(figure.contains("PDM") && judges.contains("## Driven by PDM"), "{judges}");
+    // Among a hundred scenes some contact was in plain view before it was a threat by its motion, and declared judges are the run's.
+    let mut more = experiment("metadrive/cat-idm.toml");
+    set(&mut more, &[("scenes", "count", 120.into()), ("scenes", "seed", 20_261_129.into())]);
+    let (file, many) = (write_small(folder.path(), more), place("many.pool"));
+    assert_eq!(evodrive(&["scenes", "generate", file.to_str().unwrap(), "--out", &many]).code, 0);
+    let judged = [
+        "transfer",
+        "--run",
+        run,
+        "--scenes",
+        &many,
+        "--drivers",
+        "idm",
+        "--sensitivity",
+        &place("sensitivity.md"),
+        "--json",
+    ];
+    let judged: Value = serde_json::from_str(&evodrive(&judged).stdout).unwrap();
+    let sensitivity = std::fs::read_to_string(place("sensitivity.md")).unwrap();
+    let shares_of = |name: &str| -> Vec<f64> {
+        let line = sensitivity.lines().find(|line| line.starts_with(&format!("| {name}"))).unwrap();
+        line.split('|').filter_map(|cell| cell.trim().parse().ok()).collect()
+    };
+    let rows = judged["table"]["rows"].as_array().unwrap();
+    // Parents stand in the parts of shares alone: published, preventable, at fault.
+    let row = rows.iter().filter(|row| row["evolved_on"] == "parent").nth(1).unwrap();
+    let declared = row["values"]["idm"]["ours"]["value"].as_f64().unwrap();
+    let (parent, moved) = (shares_of("cat: parent"), shares_of("contacts judged otherwise"));
+    assert!(parent.len() == 6 && (parent[0] - declared).abs() < 1e-3, "{declared} {sensitivity}");
+    assert!(moved[0] == 0.0 && moved[3] > 0.0 && moved[5] >= moved[3], "{sensitivity}");
+    // The program moves somebody in most of the scenes, among many who keep to their recording.
+    let recognised = std::fs::read_to_string(place("recognised.md")).unwrap();
+    let counts = |name: &str| -> [usize; 2] {
+        let line = recognised.lines().find(|line| line.starts_with(&format!("| {name}"))).unwrap();
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        [4, 5].map(|place| cells[place].parse().unwrap())
+    };
+    let [acted, recorded] = counts("cat: parent");
+    assert!((6..=24).contains(&acted) && recorded > 2 * acted, "{recognised}");
+    assert_eq!(counts("recorded against recorded").iter().sum::<usize>(), recorded, "{recognised}");
+    let compared = evodrive(&["scenes", "compare", &pool, &pool, "--json"]);
+    let compared: Value = serde_json::from_str(&compared.stdout).unwrap();
+    let quantities = compared["difference"]["quantities"].as_array().unwrap();
+    assert!(quantities.len() > 30 && quantities.iter().all(|of| of["distance"] == 0.0), "{compared}");
     // Scenes of the search itself are no proof.
     let own = folder_below(evolved.run.parent().unwrap()).join("scenes.pool");
     if own.is_file() {

@@ -18,6 +18,10 @@ class Evodrive:
             sys.exit(f"evodrive {' '.join(map(str, words))}: {ran.stderr}")
         return ran.stdout
 
+    def tried(self, *words):
+        """Whether it came to an end without an error."""
+        return subprocess.run([self.binary, *map(str, words)], cwd=HOME, capture_output=True).returncode == 0
+
     def applied(self, program, held_out, *words):
         """The first table's rows of a program on its scenes."""
         return json.loads(self("--json", "apply", program, "--scenes", held_out, *words))["tables"][0]["rows"]

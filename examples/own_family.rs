@@ -107,6 +107,7 @@ fn scenes() -> Result<Vec<Scene>, SynthError> {
         interaction_gap_m_max: 12.0,
         following_share: 0.2,
         attempts_max: 40,
+        traffic: None,
     };
     (0..6).map(|index| pool_member(&worlds, Seed(11), index)).collect()
 }

@@ -45,6 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         interaction_gap_m_max: 12.0,
         following_share: 0.2,
         attempts_max: 40,
+        traffic: None,
     };
     let families = sources();
     let cat = families.get(&FamilyName::new("cat")).ok_or("no family is called cat")?;

@@ -316,11 +316,18 @@ fn a_rollout_is_a_film_as_well_and_what_cannot_be_filmed_is_said() {
     let film = film.unwrap();
     assert!(film.starts_with(b"GIF89a"));
     assert_eq!(draw("again.gif", &["--jobs", "3"], None).1, Some(film), "the same bytes each time");
+    let pictures = |ran: &Ran| ran.stdout.lines().nth(1)?.split(' ').next()?.parse::<usize>().ok();
+    let (last, _) = draw("last.gif", &["--last", "0.5"], None);
+    let (all, kept) = (pictures(&ran).unwrap(), pictures(&last).unwrap());
+    // Half a second before the contact, the contact, and a second behind it at most.
+    assert!(last.code == 0 && (6..=16).contains(&kept) && kept < all, "{kept} of {all}: {}", last.stderr);
     for (file, more, path, expected) in [
         ("one.avi", &[][..], None, "expected a name that ends in .svg or .pdf or .gif or .mp4"),
         ("one", &[], None, "ends in .svg"),
         ("two.gif", &["--frames", "3"], None, "a film shows every step"),
         ("two.gif", &["--at", "2.0"], None, "a film shows every step"),
+        ("two.gif", &["--last", "0"], None, "expected 0.1 to 600 seconds"),
+        ("two.svg", &["--last", "1"], None, "a film alone is cut"),
         ("none.mp4", &[], Some("/nowhere"), "MP4 needs ffmpeg"),
     ] {
         let (ran, left) = draw(file, more, path);

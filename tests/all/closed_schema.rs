@@ -116,6 +116,7 @@ fn asked(source: &Source, format: ResponseFormat, fixed_bodies: bool) -> (Reques
         max_repair_rounds: 0,
         gates: Default::default(),
         unreadable_critic: Default::default(),
+        unreadable_patch: Default::default(),
     };
     (prompt::request(&task, &model(format), Role::Actor, 0, &prompt::Subject::None).unwrap(), parent)
 }

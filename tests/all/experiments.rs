@@ -482,7 +482,7 @@ fn init_writes_a_short_file_for_every_family_that_is_read_outside_the_repository
         let (code, text) = evodrive(dir.path(), &["init", "mine", "--family", &family]);
         assert_eq!(code, 0, "{text}");
         let path = dir.path().join("mine.toml");
-        assert!(std::fs::read_to_string(&path).unwrap().lines().count() <= 35, "{text}");
+        assert!(std::fs::read_to_string(&path).unwrap().lines().count() <= 36, "{text}");
         assert_eq!(read(&path).lineages[0].family.as_str(), family);
         assert_eq!(evodrive(dir.path(), &["init", "mine"]).0, 2, "a file that exists is not written over");
     }

@@ -66,6 +66,7 @@ fn generated() -> Vec<Scene> {
         interaction_time_s_max: 4.0,
         interaction_gap_m_max: 15.0,
         attempts_max: 100,
+        traffic: None,
     };
     let mut scenes: Vec<Scene> =
         (0..WorldKind::ALL.len()).map(|i| pool_member(&options, Seed(3), i).unwrap()).collect();

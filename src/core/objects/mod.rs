@@ -42,7 +42,7 @@ pub use program::*;
 pub use review::{Advice, Review, Role};
 pub use rules::{
     AcceptanceRequirement, AttackRequirement, FrontOf, FrontPer, GatesAsked, JudgedOn, LabelRules, OverEgos,
-    RealismMean, ReportedBy, Required, Taking, Ties, UnreadableCritic, is_unsaid, is_yes, yes,
+    RealismMean, ReportedBy, Required, Taking, Ties, UnreadableCritic, UnreadablePatch, is_unsaid, is_yes, yes,
 };
 pub use score::{Met, Objectives, RealismSums, SceneFailure, SceneScore, Score, abandoned, realism_name, too_slow};
 pub use value_type::ValueType;

@@ -259,6 +259,22 @@ impl UnreadableCritic {
     pub const NAMES: [&str; 2] = ["abstains", "blocks"];
 }
 
+/// `proposals.unreadable_patch`: what becomes of a proposal whose patch cannot be read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum UnreadablePatch {
+    /// The repair sees its text while rounds are left.
+    #[default]
+    Repaired,
+    /// The proposal ends there (paper: malformed JSON is a failure before simulation).
+    Ends,
+}
+
+impl UnreadablePatch {
+    /// The words of a file.
+    pub const NAMES: [&str; 2] = ["repaired", "ends"];
+}
+
 /// `proposals.gates`: when the deterministic gates judge a patch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

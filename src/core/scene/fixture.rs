@@ -88,6 +88,7 @@ pub fn worlds() -> SynthOptions {
         steps: 91,
         current_step: 10,
         warm_up_s: 18.0,
+        traffic: None,
         tracks_per_scene: 40,
         pedestrian_share: 0.1,
         cyclist_share: 0.06,

@@ -2,6 +2,7 @@
 
 use super::driver::Driver;
 use super::network::Network;
+use super::variation::{Pedals, Weave};
 use crate::kernel::{Stream, num};
 use crate::scene::{LaneIx, Sample};
 
@@ -52,6 +53,8 @@ pub(super) struct Car {
     /// Distance travelled along lane centres.
     pub odo: f64,
     pub shift: Option<Shift>,
+    pub pedals: Option<Pedals>,
+    pub weave: Option<Weave>,
     pub passes: Vec<Pass>,
     /// Has stood at the stop sign of this lane.
     pub stood_at: Option<LaneIx>,
@@ -102,12 +105,18 @@ impl Car {
         self.extend(net);
     }
 
+    /// Metres beside the lane's centre, to the left, and their slope by distance, but for a lane change.
+    pub fn aside(&self) -> (f64, f64) {
+        let (weave_m, slope) = self.weave.map_or((0.0, 0.0), |weave| weave.at(self.odo));
+        (self.driver.bias_m + weave_m, slope)
+    }
+
     pub fn sample(&self, net: &Network) -> Sample {
         let place = net.lanes[self.lane()].curve.at(self.s);
-        let (mut offset, mut slope) = (self.driver.bias_m, 0.0);
+        let (mut offset, mut slope) = self.aside();
         if let Some(shift) = self.shift {
             let (at, rate, _) = shift.at(self.odo);
-            (offset, slope) = (offset + at, rate);
+            (offset, slope) = (offset + at, slope + rate);
         }
         let along = crate::kernel::Vec2::from_heading(place.heading_rad);
         let stretch = 1.0 - place.curvature * offset;

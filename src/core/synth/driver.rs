@@ -1,6 +1,7 @@
 //! One simulated driver: wishes, limits, and car following (the Intelligent Driver Model of Treiber, Hennecke and
 //! Helbing 2000). This module does not know roads.
 
+use super::variation::Unlike;
 use crate::kernel::{Stream, num};
 
 /// What kind of vehicle a driver has.
@@ -66,6 +67,16 @@ impl Driver {
             politeness: draw.uniform(0.1, 0.5),
             margin_s: draw.uniform(0.1, 1.1),
             bias_m: if body == Body::Bicycle { draw.uniform(-0.9, -0.4) } else { draw.uniform(-0.12, 0.12) },
+        }
+    }
+
+    /// Makes the driver one of a scene whose drivers differ from their models; a motorist's place is at most so far beside the lane's centre.
+    pub fn differ(&mut self, unlike: &Unlike, aside_m_max: f64, draw: &mut Stream) {
+        self.haste = draw.normal(1.0, unlike.haste).clamp(0.4, 1.4);
+        self.acceleration_mps2 *= unlike.pace;
+        self.headway_s *= unlike.headway;
+        if self.body != Body::Bicycle {
+            self.bias_m = draw.normal(0.0, unlike.place_m).clamp(-aside_m_max, aside_m_max);
         }
     }
 

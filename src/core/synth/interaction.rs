@@ -19,7 +19,7 @@ pub(super) struct Pair {
     pub ego: usize,
     pub other: usize,
     /// Seconds between the two at the same place, minus the bonus for a crossing.
-    score_s: f64,
+    pub score_s: f64,
 }
 
 /// The pair with the closest interaction, with or without pairs that only follow each other.

@@ -116,7 +116,7 @@ impl Traffic<'_> {
         let offset = side * here.position.distance(to.curve.at(s).position);
         // The same true speed, measured along the new centre line.
         let there = to.curve.at(s);
-        let bias = car.driver.bias_m;
+        let bias = car.aside().0;
         car.speed *= (1.0 - here.curvature * bias) / (1.0 - there.curvature * (offset + bias));
         let length_m = Self::change_length_m(car.speed, forced).min(room - 0.5).max(10.0);
         car.shift = Some(Shift { from_lane: old, offset_m: offset, start_odo: car.odo, length_m });

@@ -19,6 +19,7 @@ mod record;
 mod right_of_way;
 mod road;
 mod traffic;
+mod variation;
 mod walkers;
 mod worlds;
 
@@ -27,6 +28,7 @@ mod tests;
 
 pub use families::{FamilyOptions, family_member, family_scene};
 pub use options::{Reject, SynthError, SynthOptions, WorldKind};
+pub use variation::TrafficOptions;
 
 use crate::kernel::Seed;
 use crate::scene::{Ego, LaneIx, Light, Origin, Scene, StopSign};
@@ -44,21 +46,29 @@ use traffic::{Traffic, stream};
 pub fn generate(kind: WorldKind, seed: Seed, index: u32, options: &SynthOptions) -> Result<Scene, SynthError> {
     options.check()?;
     let id = format!("synth/{}/{}/{index}", kind.name(), seed.0);
+    let variation = options.variation(kind, seed, index);
     let mut last = Reject::NoEgo;
     let may_follow =
         seed.stream(&["synth", kind.name(), &index.to_string(), "following"]).chance(options.following_share);
     for attempt in 0..options.attempts_max {
         let path = ["synth".to_string(), kind.name().to_string(), index.to_string(), attempt.to_string()];
-        let net = worlds::lay_world(kind, options.tracks_per_scene, &mut stream(seed, &path, "world"));
-        let mut traffic = Traffic::new(&net, kind, options, seed, &path);
+        let net = worlds::lay_world(kind, &variation, &mut stream(seed, &path, "world"));
+        let mut traffic = Traffic::new(&net, kind, options, &variation, seed, &path);
         let log = record::record(&mut traffic, options);
         let following = may_follow || 2 * attempt >= options.attempts_max;
         let chosen = interaction::choose(&log.tracks, options, following).and_then(|pair| {
-            record::consistent(&log, options.steps)?;
+            record::consistent(&log, options)?;
             Ok(pair)
         });
         match chosen {
-            Ok(pair) => return Ok(assemble(id, kind, seed, index, options, &net, log, pair)),
+            Ok(pair) => {
+                let mut log = log;
+                let pair = match variation.range_m {
+                    Some(range_m) => record::within(&mut log, pair, range_m),
+                    None => pair,
+                };
+                return Ok(assemble(id, kind, seed, index, options, &net, log, pair));
+            }
             Err(reject) => last = reject,
         }
     }
@@ -76,8 +86,12 @@ pub fn pool(options: &SynthOptions, seed: Seed, count: usize) -> Result<Vec<Scen
 /// The scene at place `i` of a pool.
 pub fn pool_member(options: &SynthOptions, seed: Seed, i: usize) -> Result<Scene, SynthError> {
     options.check()?;
-    let kind = options.kinds[i % options.kinds.len()];
-    let index = u32::try_from(i / options.kinds.len()).unwrap_or(u32::MAX);
+    let (turn, place) = (i / options.kinds.len(), i % options.kinds.len());
+    let kind = options.kinds[place];
+    // A kind that stands in the list more than once comes as often in each turn.
+    let of_kind = |list: &[WorldKind]| list.iter().filter(|of| **of == kind).count();
+    let index = turn * of_kind(&options.kinds) + of_kind(&options.kinds[..place]);
+    let index = u32::try_from(index).unwrap_or(u32::MAX);
     generate(kind, seed, index, options)
 }
 

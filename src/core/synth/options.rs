@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::variation::{TrafficOptions, Variation};
+use crate::kernel::Seed;
+
 /// The worlds that can be generated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -98,6 +101,9 @@ pub struct SynthOptions {
     pub following_share: f64,
     /// Sub-seeds to try before giving up, 1..=1000.
     pub attempts_max: u32,
+    /// What varies from scene to scene; `tracks_per_scene` is then unused. Absent: nothing does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub traffic: Option<Box<TrafficOptions>>,
 }
 
 /// Why there is no scene.
@@ -187,6 +193,18 @@ impl SynthOptions {
         if !(1..=1000).contains(&self.attempts_max) {
             return bad("attempts_max", self.attempts_max.to_string(), "1..=1000");
         }
-        Ok(())
+        match self.traffic.as_deref().and_then(TrafficOptions::fault) {
+            Some((field, found)) => {
+                bad(field, found, "two numbers in ascending order, within the key's range (`evodrive options`)")
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// The traffic of one scene.
+    pub(super) fn variation(&self, kind: WorldKind, seed: Seed, index: u32) -> Variation {
+        let same =
+            Variation { users: self.tracks_per_scene, room: 1.0, range_m: None, lanes: 0, limit: 1.0, drivers: None };
+        self.traffic.as_deref().map_or(same, |traffic| traffic.drawn(seed, kind.name(), index))
     }
 }

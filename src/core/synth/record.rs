@@ -1,6 +1,7 @@
 //! Records tracks from a running simulation, and checks the log.
 
 use super::driver::Body;
+use super::interaction::Pair;
 use super::options::{Reject, SynthOptions};
 use super::traffic::Traffic;
 use super::walkers::walker_box_m;
@@ -69,23 +70,44 @@ fn stored(sample: Sample) -> Sample {
     }
 }
 
+/// Keeps of everybody but the pair what lies between the first and the last step at which they are within range of the ego, as a
+/// recording car would; who never is has no track.
+pub(super) fn within(log: &mut Log, pair: Pair, range_m: f64) -> Pair {
+    let ego = log.tracks[pair.ego].clone();
+    for (_, track) in log.tracks.iter_mut().enumerate().filter(|(at, _)| *at != pair.ego && *at != pair.other) {
+        let is_near = |(of, ego): (&Option<Sample>, &Option<Sample>)| matches!((of, ego), (Some(of), Some(ego)) if of.position.distance(ego.position) <= range_m);
+        let near: Vec<bool> = track.samples.iter().zip(&ego.samples).map(is_near).collect();
+        let span = near.iter().position(|is| *is).zip(near.iter().rposition(|is| *is));
+        let outside = |step: usize| span.is_none_or(|(first, last)| step < first || step > last);
+        track.samples.iter_mut().enumerate().filter(|(step, _)| outside(*step)).for_each(|(_, sample)| *sample = None);
+    }
+    let is_there = |track: &Track| track.samples.iter().any(Option::is_some);
+    let place = |at: usize| log.tracks[..at].iter().filter(|track| is_there(track)).count();
+    let (ego, other) = (place(pair.ego), place(pair.other));
+    log.tracks.retain(is_there);
+    Pair { ego, other, ..pair }
+}
+
 /// Accelerations beyond these do not come from a driver, m/s².
 pub(super) const ACCELERATION_MPS2: (f64, f64) = (-7.5, 3.5);
 /// Nobody turns faster than this while driving, rad/s.
 pub(super) const YAW_RATE_RADPS_MAX: f64 = 1.0;
+/// Nobody is thrown sideways more than this, m/s²; asked where traffic varies, since the first version never did.
+const SIDEWAYS_MPS2_MAX: f64 = 5.0;
 
 /// Whether the log could have happened: no two boxes overlap, no motion is out of bounds.
-pub(super) fn consistent(log: &Log, steps: usize) -> Result<(), Reject> {
-    if log.tracks.iter().any(|track| !plausible(track)) {
+pub(super) fn consistent(log: &Log, options: &SynthOptions) -> Result<(), Reject> {
+    let sideways_mps2_max = if options.traffic.is_some() { SIDEWAYS_MPS2_MAX } else { f64::INFINITY };
+    if log.tracks.iter().any(|track| !plausible(track, sideways_mps2_max)) {
         return Err(Reject::Motion);
     }
-    if (0..steps).any(|step| overlap_at(&log.tracks, step).is_some()) {
+    if (0..options.steps).any(|step| overlap_at(&log.tracks, step).is_some()) {
         return Err(Reject::Overlap);
     }
     Ok(())
 }
 
-fn plausible(track: &Track) -> bool {
+fn plausible(track: &Track, sideways_mps2_max: f64) -> bool {
     track.samples.windows(2).all(|pair| {
         let [Some(a), Some(b)] = pair else { return true };
         let acceleration = (b.speed_mps() - a.speed_mps()) / DT_S;
@@ -93,6 +115,7 @@ fn plausible(track: &Track) -> bool {
         acceleration >= ACCELERATION_MPS2.0
             && acceleration <= ACCELERATION_MPS2.1
             && yaw_rate.abs() <= YAW_RATE_RADPS_MAX
+            && (yaw_rate * a.speed_mps()).abs() <= sideways_mps2_max
     })
 }
 

@@ -9,8 +9,31 @@ pub(crate) fn options() -> SynthOptions {
     crate::scene::fixture::worlds()
 }
 
+/// Traffic that varies from scene to scene.
+fn varied() -> SynthOptions {
+    let traffic = TrafficOptions {
+        users: [10.0, 60.0],
+        room: [0.4, 1.0],
+        range_m: [60.0, 120.0],
+        lanes: [0.0, 3.0],
+        limit: [0.6, 1.0],
+        pedals_mps2: [0.5, 1.5],
+        weave_m: [0.1, 0.6],
+        place_m: [0.1, 0.4],
+        haste: [0.1, 0.2],
+        pace: [0.8, 1.6],
+        headway: [0.5, 1.2],
+    };
+    SynthOptions { traffic: Some(Box::new(traffic)), attempts_max: 200, ..options() }
+}
+
+fn plain_scenes() -> Vec<Scene> {
+    pool(&options(), Seed(11), 33).unwrap()
+}
+
+/// Of either version.
 fn few_scenes() -> Vec<Scene> {
-    (0..33).map(|i| pool_member(&options(), Seed(11), i).unwrap()).collect()
+    plain_scenes().into_iter().chain(pool(&varied(), Seed(11), 33).unwrap()).collect()
 }
 
 fn everyone(scene: &Scene) -> impl Iterator<Item = &Track> {
@@ -20,7 +43,7 @@ fn everyone(scene: &Scene) -> impl Iterator<Item = &Track> {
 #[test]
 fn every_kind_gives_a_scene_with_an_id_of_its_own() {
     let mut ids = std::collections::BTreeSet::new();
-    for (i, scene) in few_scenes().iter().enumerate() {
+    for (i, scene) in plain_scenes().iter().enumerate() {
         let kind = WorldKind::ALL[i % WorldKind::ALL.len()];
         assert_eq!(scene.id, format!("synth/{}/11/{}", kind.name(), i / WorldKind::ALL.len()));
         assert!(ids.insert(scene.id.clone()), "{} twice", scene.id);
@@ -47,11 +70,12 @@ fn the_first_attempt_seldom_breaks_the_laws_of_motion() {
     for kind in WorldKind::ALL {
         for index in 0..8 {
             let path = ["test".to_string(), kind.name().to_string(), index.to_string(), "0".to_string()];
-            let net = worlds::lay_world(kind, options.tracks_per_scene, &mut stream(Seed(5), &path, "world"));
-            let mut traffic = Traffic::new(&net, kind, &options, Seed(5), &path);
+            let variation = options.variation(kind, Seed(5), index);
+            let net = worlds::lay_world(kind, &variation, &mut stream(Seed(5), &path, "world"));
+            let mut traffic = Traffic::new(&net, kind, &options, &variation, Seed(5), &path);
             let log = record::record(&mut traffic, &options);
             all += 1;
-            if let Err(reject) = record::consistent(&log, options.steps) {
+            if let Err(reject) = record::consistent(&log, &options) {
                 bad.push((kind, index, reject));
             }
         }
@@ -253,6 +277,50 @@ fn the_bits_of_a_generated_scene_are_pinned() {
 
 // If this value changes and no field of a scene was renamed, every generated pool changes, and every result on one.
 const PINNED: &str = "75f933bd3dd0ed5e7e914ac5074897f90425b42cba21dcbca2f1d8b9081324f2";
+
+#[test]
+fn varied_traffic_varies_in_number_and_reach_and_drivers_leave_the_middle_of_their_lanes() {
+    let scenes = pool(&varied(), Seed(4), 22).unwrap();
+    let numbers: Vec<usize> = scenes.iter().map(|scene| scene.tracks.len()).collect();
+    let (least, most) = (numbers.iter().min().unwrap(), numbers.iter().max().unwrap());
+    assert!(*most >= 3 * *least, "{numbers:?}");
+    let mut aside_m = Vec::new();
+    for scene in &scenes {
+        let lanes = crate::scene::LaneGraph::of(&scene.road);
+        for (at, track) in scene.tracks.iter().enumerate() {
+            let away = |step: usize| Some(track.at(step)?.position.distance(scene.ego.track.at(step)?.position));
+            let nearest = (0..scene.steps).filter_map(away).fold(f64::INFINITY, f64::min);
+            let is_marked = scene.objects_of_interest.contains(&at);
+            assert!(nearest <= 120.0 || is_marked, "{} {}: {nearest} m", scene.id, track.id);
+            let (Some(sample), AgentKind::Vehicle) = (track.at(scene.current_step), track.kind) else { continue };
+            let place = lanes.nearest_lane_any_heading(sample.position, 2.0);
+            aside_m.extend(place.map(|place| place.offset_m.abs()));
+        }
+    }
+    let mean = num::mean(&aside_m).unwrap();
+    assert!((0.15..0.8).contains(&mean), "{mean} m beside the middle of lanes, on average");
+}
+
+#[test]
+fn a_kind_that_is_named_twice_comes_twice_a_turn_and_each_scene_once() {
+    let kinds = vec![WorldKind::Merge, WorldKind::Straight, WorldKind::Merge];
+    let scenes = pool(&SynthOptions { kinds, ..options() }, Seed(1), 6).unwrap();
+    let ids: Vec<&str> = scenes.iter().map(|scene| scene.id.as_str()).collect();
+    let expected = ["merge/1/0", "straight/1/0", "merge/1/1", "merge/1/2", "straight/1/1", "merge/1/3"];
+    assert_eq!(ids, expected.map(|id| format!("synth/{id}")));
+}
+
+#[test]
+fn bounds_of_traffic_that_are_none_are_refused_by_name() {
+    let with = |change: fn(&mut TrafficOptions)| {
+        let mut options = varied();
+        options.traffic.iter_mut().for_each(|of| change(of));
+        options.check().unwrap_err().to_string()
+    };
+    assert!(with(|of| of.room = [0.9, 0.4]).contains("traffic.room"));
+    assert!(with(|of| of.pedals_mps2 = [0.0, f64::NAN]).contains("traffic.pedals_mps2"));
+    assert!(with(|of| of.range_m = [1.0, 50.0]).contains("traffic.range_m"));
+}
 
 #[test]
 fn small_and_large_scenes_have_about_as_many_tracks_as_asked_for() {

@@ -4,6 +4,7 @@ use super::car::{Car, SIGHT_M};
 use super::driver::{Body, Driver};
 use super::network::{LaneEnd, Network};
 use super::options::{SynthOptions, WorldKind};
+use super::variation::{Pedals, Variation, Weave};
 use super::walkers::Walkers;
 use crate::kernel::{Seed, Stream, num};
 use crate::scene::{DT_S, LaneIx};
@@ -21,6 +22,7 @@ pub(super) struct Traffic<'a> {
     pub lanes: Vec<Vec<(f64, usize)>>,
     pub turns: u64,
     target: usize,
+    variation: Variation,
     cyclist_share: f64,
     seed: Seed,
     path: [String; 4],
@@ -35,11 +37,12 @@ impl<'a> Traffic<'a> {
         net: &'a Network,
         kind: WorldKind,
         options: &SynthOptions,
+        variation: &Variation,
         seed: Seed,
         path: &[String; 4],
     ) -> Traffic<'a> {
         let on_foot = if net.crosswalks.is_empty() { 0.0 } else { options.pedestrian_share };
-        let users = options.tracks_per_scene as f64;
+        let users = variation.users as f64;
         let walkers = (users * on_foot).round() as usize;
         // Some vehicles leave during the recording and as many arrive; they count too.
         let target = ((users - walkers as f64) * 0.88).round().max(2.0) as usize;
@@ -53,6 +56,7 @@ impl<'a> Traffic<'a> {
             lanes: vec![Vec::new(); net.lanes.len()],
             turns: 0,
             target,
+            variation: *variation,
             cyclist_share: if kind.motorway() { 0.0 } else { options.cyclist_share },
             seed,
             arrivals: named("arrivals"),
@@ -81,7 +85,18 @@ impl<'a> Traffic<'a> {
         } else {
             Body::Car
         };
-        let driver = Driver::draw(body, &mut draw);
+        let mut driver = Driver::draw(body, &mut draw);
+        let (mut pedals, mut weave) = (None, None);
+        if let Some(unlike) = self.variation.drivers {
+            let mut own = stream(self.seed, &self.path, &format!("driver {number}, own ways"));
+            // Who keeps to a lane stays within it, so that two abreast pass each other.
+            let of = &self.net.lanes[lane];
+            let spare_m = (0.5 * (of.width_m - driver.width_m) - 0.1).max(0.0);
+            driver.differ(&unlike, 0.5 * spare_m, &mut own);
+            let left_m = (spare_m - driver.bias_m.abs()).max(0.0);
+            weave = Some(Weave::draw(unlike.weave_m, left_m, of.limit_mps, &mut own));
+            pedals = Some(Pedals::new(unlike.pedals_mps2, own));
+        }
         Car {
             number,
             driver,
@@ -91,6 +106,8 @@ impl<'a> Traffic<'a> {
             acceleration: 0.0,
             odo: 0.0,
             shift: None,
+            pedals,
+            weave,
             passes: Vec::new(),
             stood_at: None,
             change_after: draw.uniform(0.0, 4.0),
@@ -119,7 +136,7 @@ impl<'a> Traffic<'a> {
             let length = self.net.lanes[lane].curve.length_m();
             let s = length + at;
             let limit = self.net.lanes[lane].limit_mps;
-            let room = 16.0 + 0.5 * limit;
+            let room = (16.0 + 0.5 * limit) * self.variation.room;
             let free = taken.iter().all(|&(l, other)| l != lane || (other - s).abs() > room);
             if !free || s < 8.0 || s > length - 25.0 {
                 continue;
@@ -249,6 +266,10 @@ impl<'a> Traffic<'a> {
         let car = &mut self.cars[i];
         // Pedals move at a limited rate, faster in an emergency.
         let down = if wanted < -2.0 { 1.3 } else { 0.6 };
+        // Who brakes hard or stands has other cares than an even speed.
+        let added = car.pedals.as_mut().map_or(0.0, Pedals::step);
+        let steady = car.pedals.is_none() || wanted < -2.0 || car.speed < 0.5;
+        let wanted = if steady { wanted } else { (wanted + added).clamp(-5.0, 3.3) };
         let mut a = wanted.clamp(car.acceleration - down, car.acceleration + 0.4);
         if car.speed + a * DT_S < 0.0 {
             a = -car.speed / DT_S;
@@ -290,7 +311,9 @@ impl<'a> Traffic<'a> {
         }
         let limit = self.net.lanes[lane].limit_mps;
         let first = self.lanes[lane].first().map(|&(s, other)| (s - self.cars[other].half(), self.cars[other].speed));
-        if first.is_some_and(|(rear, speed)| rear < 22.0 + 0.5 * limit + 0.8 * (limit - speed).max(0.0)) {
+        if first.is_some_and(|(rear, speed)| {
+            rear < (22.0 + 0.5 * limit) * self.variation.room.min(1.0) + 0.8 * (limit - speed).max(0.0)
+        }) {
             return;
         }
         let mut car = self.new_driver(lane);

@@ -5,6 +5,7 @@ use super::junction::{Arm, Control, lay_junction};
 use super::network::{Gate, LaneEnd, Network, Profile, RoadLanes};
 use super::node::{Connector, Signal};
 use super::options::WorldKind;
+use super::variation::Variation;
 use crate::kernel::{Stream, Vec2, num};
 use crate::scene::LaneKind;
 
@@ -14,10 +15,10 @@ const STREET_M: f64 = 24.0;
 const JUNCTION_M: f64 = 44.0;
 const MOTORWAY_M: f64 = 38.0;
 
-/// The road of one generated world, long enough for `users`, turned by a random angle.
-pub(super) fn lay_world(kind: WorldKind, users: usize, draw: &mut Stream) -> Network {
+/// The road of one generated world, long enough for its road users, turned by a random angle.
+pub(super) fn lay_world(kind: WorldKind, variation: &Variation, draw: &mut Stream) -> Network {
     let heading = draw.uniform(-num::PI, num::PI);
-    let site = Site { heading, users: users as f64 };
+    let site = Site { heading, users: variation.users as f64, room: variation.room, more: variation.lanes };
     let mut net = Network::default();
     match kind {
         WorldKind::Straight => site.straight(&mut net, draw),
@@ -32,12 +33,17 @@ pub(super) fn lay_world(kind: WorldKind, users: usize, draw: &mut Stream) -> Net
         WorldKind::Urban => site.urban(&mut net, draw),
         WorldKind::Highway => site.highway(&mut net, draw),
     }
+    net.lanes.iter_mut().for_each(|lane| lane.limit_mps *= variation.limit);
     net
 }
 
 struct Site {
     heading: f64,
     users: f64,
+    /// What a road user's lane metres are multiplied by.
+    room: f64,
+    /// Further lanes of roads without a junction.
+    more: usize,
 }
 
 fn signal(draw: &mut Stream) -> Signal {
@@ -86,7 +92,7 @@ fn swing(length_m: f64, curvature: f64) -> [(f64, f64, f64); 3] {
 impl Site {
     /// Length at which all road users have room on `lanes` lanes.
     fn length_m(&self, lanes: usize, room_m: f64, least_m: f64) -> f64 {
-        (self.users * room_m / lanes as f64).max(least_m)
+        (self.users * room_m * self.room / lanes as f64).max(least_m)
     }
 
     /// Too few to meet each other on a wide road.
@@ -95,7 +101,7 @@ impl Site {
     }
 
     fn straight(&self, net: &mut Network, draw: &mut Stream) {
-        let (mut forward, mut backward) = (2 + draw.below(3), 1 + draw.below(2));
+        let (mut forward, mut backward) = (2 + draw.below(3) + self.more, 1 + draw.below(2));
         let mut limit = *draw.pick(&[13.9, 16.7, 19.4, 22.2]).unwrap_or(&16.7);
         if self.few() {
             (forward, backward, limit) = (2, 1, 11.1);
@@ -106,7 +112,7 @@ impl Site {
     }
 
     fn curve(&self, net: &mut Network, draw: &mut Stream) {
-        let lanes = 1 + draw.below(2);
+        let lanes = 1 + draw.below(2) + self.more;
         let limit = *draw.pick(&[13.9, 16.7]).unwrap_or(&13.9);
         let length = self.length_m(2 * lanes, STREET_M + 0.5 * limit, 260.0);
         let side = if draw.chance(0.5) { 1.0 } else { -1.0 };
@@ -129,6 +135,7 @@ impl Site {
     fn ranks(&self, draw: &mut Stream) -> [(usize, f64); 2] {
         let main = if self.few() { 1 } else { 1 + draw.below(2) };
         let side = if main == 1 { 1 } else { 1 + draw.below(2) };
+        let (main, side) = (main + self.more.div_ceil(2), (side + self.more / 2).min(2));
         [(main, *draw.pick(&[13.9, 16.7]).unwrap_or(&13.9)), (side, *draw.pick(&[11.1, 13.9]).unwrap_or(&13.9))]
     }
 
@@ -220,7 +227,7 @@ impl Site {
     }
 
     fn merge(&self, net: &mut Network, draw: &mut Stream) {
-        let lanes = 2 + draw.below(2);
+        let lanes = 2 + draw.below(2) + self.more;
         let limit = *draw.pick(&[22.2, 25.0, 27.8]).unwrap_or(&25.0);
         let length = self.length_m(lanes, MOTORWAY_M, 420.0);
         let start = Vec2::from_heading(self.heading) * (-0.4 * length);
@@ -260,7 +267,7 @@ impl Site {
     }
 
     fn lane_drop(&self, net: &mut Network, draw: &mut Stream) {
-        let lanes = 2 + draw.below(3);
+        let lanes = 2 + draw.below(3) + self.more;
         let limit = *draw.pick(&[16.7, 22.2, 25.0]).unwrap_or(&22.2);
         let length = self.length_m(lanes, MOTORWAY_M, 420.0);
         let start = Vec2::from_heading(self.heading) * (-0.6 * length);
@@ -275,7 +282,7 @@ impl Site {
     }
 
     fn highway(&self, net: &mut Network, draw: &mut Stream) {
-        let lanes = if self.few() { 2 } else { 3 + draw.below(2) };
+        let lanes = if self.few() { 2 } else { 3 + draw.below(2) } + self.more;
         let limit = *draw.pick(&[27.8, 30.6, 33.3]).unwrap_or(&30.6);
         let length = self.length_m(2 * lanes, MOTORWAY_M, if self.few() { 400.0 } else { 480.0 });
         let curvature = draw.uniform(-1.0, 1.0) / 700.0;

@@ -9,7 +9,7 @@ use crate::families;
 use crate::llm::client::{ANTHROPIC, COMMAND, DRAWN, EXCHANGE, OPENAI_COMPATIBLE, SCRIPTED};
 use crate::objects::{
     AcceptanceRequirement, AttackRequirement, FrontOf, FrontPer, GatesAsked, JudgedOn, OverEgos, RealismMean,
-    ReportedBy, Taking, Ties, UnreadableCritic,
+    ReportedBy, Taking, Ties, UnreadableCritic, UnreadablePatch,
 };
 use crate::scene::safebench::TrafficFamily;
 use crate::sim::ContactClass;
@@ -275,7 +275,67 @@ fn scenes() -> Vec<Key> {
         ],
     ));
     keys.extend(table(|| Of("scenes.source", &["synth"]), worlds()));
+    keys.extend(table(|| With("scenes.options.traffic"), traffic()));
     keys
+}
+
+/// Bounds between which each generated scene draws.
+fn traffic() -> Vec<Row> {
+    vec![
+        (
+            "scenes.options.traffic.users",
+            "",
+            "road users",
+            Ends(4.0, 400.0),
+            "Road users of a scene, in place of `tracks_per_scene`.",
+        ),
+        (
+            "scenes.options.traffic.room",
+            "",
+            "",
+            Ends(0.2, 4.0),
+            "What the lane metres of a road user are multiplied by.",
+        ),
+        ("scenes.options.traffic.range_m", "", "m", Ends(30.0, 1000.0), "How far from the ego others are recorded."),
+        (
+            "scenes.options.traffic.lanes",
+            "",
+            "lanes",
+            Ends(0.0, 3.0),
+            "Further lanes of a direction; half as many where roads meet.",
+        ),
+        ("scenes.options.traffic.limit", "", "", Ends(0.3, 1.5), "What speed limits are multiplied by."),
+        (
+            "scenes.options.traffic.pedals_mps2",
+            "",
+            "m/s²",
+            Ends(0.0, 3.0),
+            "Standard deviation of what drivers' pedals add to the acceleration that they want.",
+        ),
+        ("scenes.options.traffic.weave_m", "", "m", Ends(0.0, 1.0), "How far drivers wander in their lane."),
+        (
+            "scenes.options.traffic.place_m",
+            "",
+            "m",
+            Ends(0.0, 1.0),
+            "Standard deviation of drivers' places in their lanes.",
+        ),
+        (
+            "scenes.options.traffic.haste",
+            "",
+            "",
+            Ends(0.0, 0.5),
+            "Standard deviation of wanted speeds, as a share of the limit.",
+        ),
+        (
+            "scenes.options.traffic.pace",
+            "",
+            "",
+            Ends(0.3, 3.0),
+            "What drivers' largest accelerations are multiplied by.",
+        ),
+        ("scenes.options.traffic.headway", "", "", Ends(0.3, 3.0), "What drivers' time gaps are multiplied by."),
+    ]
 }
 
 fn worlds() -> Vec<Row> {
@@ -565,7 +625,7 @@ fn simulator() -> Vec<Key> {
 fn selection() -> Vec<Key> {
     let meaning = "Scenes on which finalists are chosen and which no step of the search sees; without it they are chosen on those of \
                    evolution, where a search that is long enough finds what fits them by chance.";
-    table(|| Optional, vec![("split.selection", "", "scenes", Whole(1, 100_000), meaning)])
+    table(|| Optional, vec![("split.selection", "", "scenes", Whole(0, 100_000), meaning)])
 }
 
 /// What outcomes say besides.
@@ -938,6 +998,13 @@ fn acceptance() -> Vec<Key> {
                 "",
                 Word(|| words(UnreadableCritic::NAMES)),
                 "A critic whose review cannot be read: is asked again and `abstains`, as without it, or `blocks` the proposal.",
+            ),
+            (
+                "proposals.unreadable_patch",
+                "",
+                "",
+                Word(|| words(UnreadablePatch::NAMES)),
+                "A patch that cannot be read: is `repaired` while rounds are left, as without it, or `ends` the proposal.",
             ),
             (
                 "selector.also_at",

@@ -46,7 +46,7 @@ path = \"docs/experiment.schema.json\"
 The schema knows each key by itself. What depends on other keys, `evodrive plan` says.
 
 In the keys, `[]` stands for each entry of a list and `*` for each name; the paper's symbol stands behind the key. The columns before the
-meaning are the values in the two protocols; an empty cell says that each experiment chooses its own.
+meaning are the values in the protocols; an empty cell says that each experiment chooses its own, in `metadrive-2` that `metadrive`'s holds.
 ";
 
 /// The whole page.
@@ -64,7 +64,7 @@ pub fn page() -> String {
     for title in sections {
         let heading = if title.is_empty() { "The file itself".to_string() } else { format!("`[{title}]`") };
         let _ = write!(page, "\n## {heading}\n\n|key|range|{names}|meaning|\n");
-        page.push_str("|---|---|---|---|---|\n");
+        let _ = writeln!(page, "|---|---|{}---|", "---|".repeat(PROTOCOLS.len()));
         for key in all.iter().filter(|key| section(key) == title) {
             let values: Vec<String> = bases.iter().map(|base| value(base, key)).collect();
             let _ = writeln!(

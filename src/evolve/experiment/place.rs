@@ -11,8 +11,9 @@ const FILE_BYTES_MAX: u64 = 64 << 20;
 pub const SHIPPED: &str = "evodrive:";
 
 /// The protocols that the program carries: name and file.
-pub const PROTOCOLS: [(&str, &str); 2] = [
+pub const PROTOCOLS: [(&str, &str); 3] = [
     ("metadrive", include_str!("../../../experiments/protocols/metadrive.toml")),
+    ("metadrive-2", include_str!("../../../experiments/protocols/metadrive_2.toml")),
     ("safebench", include_str!("../../../experiments/protocols/safebench.toml")),
 ];
 

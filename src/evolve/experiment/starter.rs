@@ -39,6 +39,8 @@ pub struct Starter {
 const GENERATED: usize = 60;
 /// Held-out scenes, where there are twice as many scenes. With fewer an attack rate says little.
 const HELD_OUT_MIN: usize = 20;
+/// Scenes on which finalists are chosen, where at least as many are left for the search.
+const SELECTION: usize = 300;
 /// Most scenes of a window.
 const WINDOW_MAX: usize = 20;
 
@@ -80,7 +82,7 @@ pub fn starter(starter: &Starter) -> Result<Started, ExperimentError> {
         None if starter.ego == "frenet" => ("frenet", "frenet", "the Frenet ego"),
         None => ("idm", "idm", "the IDM ego"),
     };
-    let protocol = if staged { STAGED } else { "metadrive" };
+    let protocol = if staged { STAGED } else { "metadrive-2" };
     let mut text = format!(
         "# An experiment of your own. Keys that are not here come from its base; docs/EXPERIMENT.md lists every key.\n\
          base = \"evodrive:{protocol}\"\nname = \"{name}\"\n\
@@ -172,11 +174,20 @@ fn scenes(starter: &Starter, staged: bool) -> Result<(String, usize), Experiment
         None => (count / 5).max(HELD_OUT_MIN.min(count / 2)),
         Some(wanted) => held_out_of(count, wanted)?,
     };
-    let window = (count - held_out).min(WINDOW_MAX);
+    let rest = count - held_out;
+    let window = rest.min(WINDOW_MAX);
+    let selection = if staged {
+        String::new()
+    } else if rest > 2 * SELECTION {
+        format!("selection = {SELECTION}   # finalists are chosen on these, which no step of the search sees\n")
+    } else {
+        "selection = 0   # of many scenes some 300: finalists are then chosen on what no step of the search sees\n"
+            .into()
+    };
     let shows = shows(held_out);
     let text = format!(
         "\n[scenes]\n{source}\n\n[split]\nevolution = {{ share = 1.0 }}   # of the usable scenes that are not held out\n\
-         held_out = {held_out}   # {shows}\nwindow = {window}   # scenes of an epoch\n"
+         held_out = {held_out}   # {shows}\nwindow = {window}   # scenes of an epoch\n{selection}"
     );
     Ok((text, held_out))
 }

@@ -35,6 +35,7 @@ fn scenes() -> &'static [Scene] {
             interaction_time_s_max: 5.0,
             interaction_gap_m_max: 20.0,
             attempts_max: 200,
+            traffic: None,
         };
         (0..SCENES).map(|i| pool_member(&options, Seed(61), i).unwrap()).collect()
     })

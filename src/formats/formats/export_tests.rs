@@ -29,6 +29,7 @@ pub(super) fn worlds() -> &'static [Scene] {
             interaction_time_s_max: 5.0,
             interaction_gap_m_max: 20.0,
             attempts_max: 200,
+            traffic: None,
         };
         (0..WorldKind::ALL.len()).map(|i| pool_member(&options, Seed(7), i).unwrap()).collect()
     })

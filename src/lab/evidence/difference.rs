@@ -65,6 +65,8 @@ pub struct ToldApart {
 #[derive(Clone, Debug, Serialize)]
 pub struct Difference {
     pub scenes: [usize; 2],
+    /// Samples that are looked at of each scene: the median of the pool with the shorter scenes, since extremes grow with the time looked at.
+    pub samples: usize,
     pub quantities: Vec<Quantity>,
     pub told_apart: Vec<ToldApart>,
 }
@@ -80,7 +82,8 @@ struct Rows {
 impl Difference {
     /// Of two lists of scenes.
     pub fn of(pools: [&[Scene]; 2], threads: &Threads) -> Difference {
-        let rows = pools.map(|scenes| threads.map(scenes, |_, scene| rows(scene)));
+        let samples = pools.iter().filter_map(|scenes| median_samples(scenes)).min().unwrap_or(0);
+        let rows = pools.map(|scenes| threads.map(scenes, |_, scene| rows(&cut(scene, samples))));
         let names = OF_SCENES.iter().map(|(name, _, unit, of_road)| (*name, *unit, *of_road));
         let names: Vec<(&str, &str, bool)> = names.chain(AROUND.map(|name| (name, "", false))).collect();
         let users = QUANTITIES.iter().enumerate().filter_map(|(place, (name, unit, _))| {
@@ -108,6 +111,7 @@ impl Difference {
         ];
         Difference {
             scenes: pools.map(<[Scene]>::len),
+            samples,
             quantities: users.chain(scenes).collect(),
             told_apart: told_apart.into_iter().flatten().collect(),
         }
@@ -130,6 +134,27 @@ fn quantity(
 ) -> Option<Quantity> {
     let (distance, in_deviations) = (wasserstein(&first, &second)?, in_deviations(&first, &second)?);
     Some(Quantity { of, name, unit, first: Summary::of(first)?, second: Summary::of(second)?, distance, in_deviations })
+}
+
+/// Samples from where a scene is looked at on, in the median.
+fn median_samples(scenes: &[Scene]) -> Option<usize> {
+    let mut all: Vec<usize> = scenes.iter().map(|scene| scene.steps.saturating_sub(reference(scene).1)).collect();
+    all.sort_unstable();
+    all.get(all.len() / 2).copied()
+}
+
+/// The scene without what follows so many samples.
+fn cut(scene: &Scene, samples: usize) -> Scene {
+    let mut scene = scene.clone();
+    let steps = (reference(&scene).1 + samples).min(scene.steps);
+    let tracks = scene.tracks.iter_mut().chain([&mut scene.ego.track]);
+    tracks.for_each(|track| track.samples.truncate(steps));
+    // Places among the tracks, of which some go.
+    scene.objects_of_interest.clear();
+    scene.tracks.retain(|track| track.samples.iter().any(Option::is_some));
+    scene.lights.iter_mut().for_each(|light| light.states.truncate(steps));
+    scene.steps = steps;
+    scene
 }
 
 fn rows(scene: &Scene) -> Rows {
@@ -188,6 +213,16 @@ mod tests {
     fn pool(kind: WorldKind, seed: u64) -> Vec<Scene> {
         let options = SynthOptions { kinds: vec![kind], ..worlds() };
         synth::pool(&options, Seed(seed), 30).unwrap()
+    }
+
+    #[test]
+    fn scenes_of_other_lengths_are_looked_at_as_long_as_the_shorter_ones() {
+        let threads = Threads::new(2).unwrap();
+        let long = pool(WorldKind::SignalledCrossing, 1);
+        let short: Vec<Scene> = long.iter().map(|scene| cut(scene, 40)).collect();
+        let difference = Difference::of([&long, &short], &threads);
+        assert_eq!(difference.samples, 40);
+        assert!(difference.quantities.iter().all(|of| of.distance == 0.0), "{difference:?}");
     }
 
     #[test]

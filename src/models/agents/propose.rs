@@ -4,7 +4,7 @@
 //! say. A patch goes on if no critic objects and the gates let it through. A critic whose reply is unusable is asked once
 //! more and then abstains: it has no say in the round, and never uses one up. After an unusable reply of the actor or a
 //! repair the round has no patch; the next repair sees the text. As the paper has it (`[proposals]`), the gates are asked
-//! after the loop, and an unusable review ends it.
+//! after the loop, and an unusable review or patch ends it.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -18,7 +18,9 @@ use super::{
 };
 use crate::{
     llm::{Ask, AskError, DraftJudge, ModelSpec, Reply, Tried},
-    objects::{Advice, Exchange, GatesAsked, ProgramPatch, Proposal, Review, Role, Round, UnreadableCritic},
+    objects::{
+        Advice, Exchange, GatesAsked, ProgramPatch, Proposal, Review, Role, Round, UnreadableCritic, UnreadablePatch,
+    },
 };
 
 /// How the role loop ended.
@@ -93,7 +95,7 @@ pub fn propose<E: From<AgentError>>(task: &Task<'_>, ask: &dyn Ask, check: &Chec
             }
             Draft::Unreadable { reply, refusal } => {
                 rounds.push(Round { patch: None, reviews: vec![] });
-                if last {
+                if last || task.unreadable_patch == UnreadablePatch::Ends {
                     Err(End::Declined { reason: format!("no readable patch: {refusal}") })
                 } else {
                     let subject = Subject::Unreadable { reply, refusal: &refusal.0 };

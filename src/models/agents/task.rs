@@ -12,7 +12,7 @@ use super::{
 use crate::{
     kernel::Digest,
     llm::ModelSpec,
-    objects::{Card, GatesAsked, LineageId, Objectives, Program, Role, UnreadableCritic},
+    objects::{Card, GatesAsked, LineageId, Objectives, Program, Role, UnreadableCritic, UnreadablePatch},
 };
 
 /// Which form the questions of a run have. Recorded answers are kept under their questions, so an earlier form stays as it is.
@@ -140,4 +140,6 @@ pub struct Task<'a> {
     pub gates: GatesAsked,
     /// What becomes of a proposal of which a critic gave no readable review.
     pub unreadable_critic: UnreadableCritic,
+    /// What becomes of a proposal whose patch cannot be read.
+    pub unreadable_patch: UnreadablePatch,
 }

@@ -10,7 +10,10 @@ use super::{
 use crate::{
     kernel::Digest,
     llm::{Ask, AskError, DraftJudge, ModelSpec, Reply, Request},
-    objects::{Advice, GateReport, GateVerdict, GatesAsked, ProgramPatch, Role, UnreadableCritic, attempt::Gate},
+    objects::{
+        Advice, GateReport, GateVerdict, GatesAsked, ProgramPatch, Role, UnreadableCritic, UnreadablePatch,
+        attempt::Gate,
+    },
 };
 
 /// Answers by role and round; keeps what was asked.
@@ -122,11 +125,11 @@ fn run_of(
     max_repair_rounds: u32,
     gates: &dyn Fn(&ProgramPatch) -> Findings,
 ) -> (Proposed, Vec<Request>) {
-    run_by((GatesAsked::default(), UnreadableCritic::default()), models, answers, max_repair_rounds, gates)
+    run_by(Default::default(), models, answers, max_repair_rounds, gates)
 }
 
 fn run_by(
-    (asked, unreadable): (GatesAsked, UnreadableCritic),
+    (gates_asked, unreadable_critic, unreadable_patch): (GatesAsked, UnreadableCritic, UnreadablePatch),
     models: BTreeMap<Role, ModelSpec>,
     answers: &[(&'static str, u32, String)],
     max_repair_rounds: u32,
@@ -143,8 +146,9 @@ fn run_by(
         models: &models,
         critics: &Role::CRITICS,
         max_repair_rounds,
-        gates: asked,
-        unreadable_critic: unreadable,
+        gates: gates_asked,
+        unreadable_critic,
+        unreadable_patch,
     };
     let check = |patch: &ProgramPatch| -> Result<Findings, AgentError> { Ok(gates(patch)) };
     let proposed = propose(&task, &table, &check).unwrap();
@@ -260,7 +264,7 @@ fn an_unreadable_critic_is_asked_again_with_its_answer_and_then_abstains_without
 
 #[test]
 fn an_unreadable_critic_ends_the_proposal_where_it_blocks_and_is_not_asked_again() {
-    let rules = (GatesAsked::BeforeCritics, UnreadableCritic::Blocks);
+    let rules = (GatesAsked::BeforeCritics, UnreadableCritic::Blocks, UnreadablePatch::Repaired);
     let answers = [("attack_critic", 0, "fine with me".to_string())];
     let (proposed, asked) = run_by(rules, models(), &answers, 2, &|_| passed());
     let End::Declined { reason } = &proposed.end else { panic!("{:?}", proposed.end) };
@@ -269,8 +273,20 @@ fn an_unreadable_critic_ends_the_proposal_where_it_blocks_and_is_not_asked_again
 }
 
 #[test]
+fn an_unreadable_patch_ends_the_proposal_where_the_rules_say_so_though_rounds_are_left() {
+    let rules = (GatesAsked::BeforeCritics, UnreadableCritic::Abstains, UnreadablePatch::Ends);
+    let repair = ("attack_critic", 0, review_reply("attack_critic", "repair").to_string());
+    for (answers, asks) in [(vec![("actor", 0, "no".to_string())], 1), (vec![repair, ("repair", 1, "no".into())], 6)] {
+        let (proposed, asked) = run_by(rules, models(), &answers, 2, &|_| passed());
+        let End::Declined { reason } = &proposed.end else { panic!("{:?}", proposed.end) };
+        assert!(reason.contains("no readable patch"), "{reason}");
+        assert_eq!(asked.len(), asks, "nothing is asked after it");
+    }
+}
+
+#[test]
 fn gates_that_are_asked_after_the_critics_neither_call_for_a_repair_nor_are_told() {
-    let rules = (GatesAsked::AfterCritics, UnreadableCritic::Abstains);
+    let rules = (GatesAsked::AfterCritics, UnreadableCritic::Abstains, UnreadablePatch::Repaired);
     let never = |_: &ProgramPatch| -> Findings { panic!("no gate is asked in the loop") };
     let (proposed, asked) = run_by(rules, models(), &[], 2, &never);
     assert!(matches!(proposed.end, End::Patch(_)), "{:?}", proposed.end);

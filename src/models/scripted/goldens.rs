@@ -66,6 +66,7 @@ fn asked_about(example: &Example) -> Vec<Request> {
         max_repair_rounds: 1,
         gates: Default::default(),
         unreadable_critic: Default::default(),
+        unreadable_patch: Default::default(),
     };
     let patch = briefing.patch_text(&ProgramPatch {
         source_baseline: example.parent.source_family.clone(),

@@ -75,6 +75,7 @@ fn asked(stage: &Stage, slot: u32, spec: &ModelSpec, role: Role, round: u32, sub
         max_repair_rounds: 1,
         gates: Default::default(),
         unreadable_critic: Default::default(),
+        unreadable_patch: Default::default(),
     };
     prompt::request(&task, spec, role, round, subject).unwrap()
 }
@@ -341,6 +342,7 @@ fn whole_proposals_end_in_patches_and_in_declines() {
                 max_repair_rounds: 2,
                 gates: Default::default(),
                 unreadable_critic: Default::default(),
+                unreadable_patch: Default::default(),
             };
             let check = |patch: &ProgramPatch| -> Result<Findings, AgentError> {
                 Ok(Findings { gates: gates(&stage, patch), ..Findings::default() })

@@ -34,6 +34,7 @@ fn worlds(kinds: &[WorldKind], tracks_per_scene: usize, seed: Seed, scenes: usiz
         interaction_gap_m_max: 30.0,
         following_share: 1.0,
         attempts_max: 20,
+        traffic: None,
     };
     (0..scenes).filter_map(|i| synth::pool_member(&options, seed, i).ok()).collect()
 }

@@ -2,6 +2,7 @@
 
 use clap::Args;
 use serde_json::json;
+use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use crate::cli::scenes::files::{read, threads};
@@ -9,6 +10,7 @@ use crate::cli::terminal::{answer::Answer, exit::Failure, width::table_width};
 use crate::evidence::aligned::Aligned;
 use crate::evidence::difference::{Difference, Quantity};
 use crate::kernel::num;
+use crate::scene::DT_S;
 use crate::scene::stats::Summary;
 use crate::text::counted;
 
@@ -37,7 +39,9 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
 fn text(of: &Difference, options: &Options) -> String {
     let named = |path: &PathBuf, scenes: usize| format!("{}: {}", path.display(), counted(scenes, "scene"));
     let mut text =
-        format!("[1] {}\n[2] {}\n\n", named(&options.first, of.scenes[0]), named(&options.second, of.scenes[1]));
+        format!("[1] {}\n[2] {}\n", named(&options.first, of.scenes[0]), named(&options.second, of.scenes[1]));
+    let seconds = of.samples as f64 * DT_S;
+    let _ = writeln!(text, "the first {} s of each scene\n", num::fixed(seconds, 1));
     let cell = |of: &Summary| [of.p5, of.p50, of.p95].map(|value| num::fixed(value, 2)).join(" / ");
     let row = |of: &Quantity| {
         let unit = if of.unit.is_empty() { String::new() } else { format!(" ({})", of.unit) };

@@ -70,6 +70,9 @@ pub struct Options {
     /// Margin around the paths of ego and adversaries in the panels, metres.
     #[arg(long, default_value_t = AROUND_M, allow_negative_numbers = true)]
     pub around: f64,
+    /// Of a film, only so many seconds before the contact or the end, and of the world what they need.
+    #[arg(long, value_name = "SECONDS", conflicts_with = "grid", allow_negative_numbers = true)]
+    pub last: Option<f64>,
     /// Width of a panel, pixels; without it 360, and 720 for a film. In a .pdf points; without it 115.
     #[arg(long, allow_negative_numbers = true)]
     pub panel: Option<f64>,
@@ -111,8 +114,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
             drawn_strip(options, kind, (&drawing, other.as_ref()), title)
         }
         kind => {
-            let look =
-                Look { width_px: options.panel.unwrap_or(FILM_PX), theme: theme(options), around_m: options.around };
+            let width_px = options.panel.unwrap_or(FILM_PX);
+            let look = Look { width_px, theme: theme(options), around_m: options.around, last_s: options.last };
             drawn_film((&options.out, options.output, kind == Kind::Gif), &look, &drawing, title, jobs)
         }
     }
@@ -123,6 +126,8 @@ struct Look {
     width_px: f64,
     theme: Theme,
     around_m: f64,
+    /// Seconds before the contact or the end; from the scene's current step on without.
+    last_s: Option<f64>,
 }
 
 /// A rollout as a film in its usual look: a GIF, or an MP4 where ffmpeg is installed.
@@ -132,7 +137,7 @@ pub fn film_of(
     title: String,
     jobs: usize,
 ) -> Result<Answer, Failure> {
-    let look = Look { width_px: FILM_PX, theme: Theme::Light, around_m: AROUND_M };
+    let look = Look { width_px: FILM_PX, theme: Theme::Light, around_m: AROUND_M, last_s: None };
     drawn_film((out, output, is_gif), &look, drawing, title, jobs)
 }
 
@@ -193,11 +198,17 @@ fn drawn_film(
     jobs: usize,
 ) -> Result<Answer, Failure> {
     let last = drawing.steps.saturating_sub(1);
-    let end = drawing.contact.as_ref().map_or(last, |contact| {
-        let behind = (AFTER_CONTACT_S / drawing.dt_s.max(f64::MIN_POSITIVE)) as usize;
-        contact.step.saturating_add(behind).min(last)
-    });
-    let from = drawing.current_step.min(end);
+    let steps = |seconds: f64| (seconds / drawing.dt_s.max(f64::MIN_POSITIVE)) as usize;
+    let met = drawing.contact.as_ref().map(|contact| contact.step);
+    let end = met.map_or(last, |met| met.saturating_add(steps(AFTER_CONTACT_S)).min(last));
+    let begins = look.last_s.map_or(0, |seconds| met.unwrap_or(end).saturating_sub(steps(seconds)));
+    let from = drawing.current_step.max(begins).min(end);
+    let mut shown = drawing.clone();
+    if look.last_s.is_some() {
+        // The picture's frame follows from where ego and adversaries are seen.
+        let samples = shown.actors.iter_mut().flat_map(|actor| actor.samples.iter_mut().enumerate());
+        samples.filter(|(step, _)| !(from..=end).contains(step)).for_each(|(_, sample)| *sample = None);
+    }
     let film_of = FilmOptions {
         width_px: look.width_px,
         theme: look.theme,
@@ -206,7 +217,7 @@ fn drawn_film(
         title: title.clone(),
     };
     let threads = Threads::new(jobs)?;
-    let film = film(drawing, &film_of, &threads).map_err(Failure::bad_input)?;
+    let film = film(&shown, &film_of, &threads).map_err(Failure::bad_input)?;
     if is_gif {
         let delay_cs = (100.0 * drawing.dt_s).round() as u16;
         output.write(out, &gif(&film, delay_cs, LAST_CS).map_err(Failure::bad_input)?)?;
@@ -295,6 +306,13 @@ fn check(options: &Options) -> Result<Kind, Failure> {
     }
     if !is_strip && (options.frames.is_some() || !options.at.is_empty()) {
         return refuse("--frames and --at choose the panels of a strip (.svg, .pdf); a film shows every step".into());
+    }
+    match options.last {
+        Some(_) if is_strip => return refuse("--last: a film alone is cut; --at chooses the panels of a strip".into()),
+        Some(seconds) if !(0.1..=600.0).contains(&seconds) => {
+            return refuse(format!("--last {seconds}: expected 0.1 to 600 seconds"));
+        }
+        _ => {}
     }
     if !(1..=FRAMES_MAX).contains(&options.frames.unwrap_or(FRAMES)) || options.at.len() > FRAMES_MAX {
         return refuse(format!("--frames or --at: expected 1 to {FRAMES_MAX} panels"));

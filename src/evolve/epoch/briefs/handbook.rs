@@ -9,6 +9,7 @@ use crate::epoch::setting::study::{LineageSpec, Study};
 use crate::evaluation::{self, EvaluationOptions, MetadriveOptions, Quantity, SafebenchOptions};
 use crate::objects::{
     AcceptanceRequirement, AttackRequirement, FrontOf, FrontPer, GatesAsked, JudgedOn, RealismMean, UnreadableCritic,
+    UnreadablePatch,
 };
 
 /// Writes the handbook out.
@@ -101,6 +102,7 @@ fn otherwise(study: &Study) -> Vec<&'static str> {
             "gates judge a patch once its critics approve, and nothing is repaired for them",
         ),
         (proposals.unreadable_critic == UnreadableCritic::Blocks, "a review that cannot be read ends the proposal"),
+        (proposals.unreadable_patch == UnreadablePatch::Ends, "a patch that cannot be read ends the proposal"),
     ];
     labels.into_iter().chain(others).filter(|(holds, _)| *holds).map(|(_, says)| says).collect()
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::objects::{GatesAsked, UnreadableCritic};
+use crate::objects::{GatesAsked, UnreadableCritic, UnreadablePatch};
 
 /// `[proposals]`: how a proposal is judged before any rollout, where that is not our way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -15,14 +15,20 @@ pub struct ProposalOptions {
     pub effect_gate: bool,
     /// What becomes of a proposal of which a critic gave no readable review.
     pub unreadable_critic: UnreadableCritic,
+    /// What becomes of a proposal whose patch cannot be read.
+    pub unreadable_patch: UnreadablePatch,
     /// When the gates judge a patch.
     pub gates: GatesAsked,
 }
 
 impl Default for ProposalOptions {
     fn default() -> ProposalOptions {
-        let (unreadable_critic, gates) = (UnreadableCritic::default(), GatesAsked::default());
-        ProposalOptions { effect_gate: true, unreadable_critic, gates }
+        ProposalOptions {
+            effect_gate: true,
+            unreadable_critic: UnreadableCritic::default(),
+            unreadable_patch: UnreadablePatch::default(),
+            gates: GatesAsked::default(),
+        }
     }
 }
 

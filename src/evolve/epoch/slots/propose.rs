@@ -40,6 +40,7 @@ pub fn propose(study: &Study, snapshot: &Snapshot<'_>, slot: u32, tools: &Tools<
         max_repair_rounds: if study.without.repair { 0 } else { study.budget.max_repair_rounds },
         gates: study.proposals.gates,
         unreadable_critic: study.proposals.unreadable_critic,
+        unreadable_patch: study.proposals.unreadable_patch,
     };
     // What the gates said of the latest patch: the next step asks the same of the one that is left.
     let latest: RefCell<Option<(ProgramPatch, Verdict)>> = RefCell::new(None);

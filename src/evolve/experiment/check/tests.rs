@@ -26,6 +26,7 @@ fn whole() -> Vec<Table> {
         "llm/preventable/cat",
         "safebench/preventable-idm",
         "reproduction-safebench",
+        "worlds/scripted",
         "league/scripted-all",
     ];
     let path = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../experiments/{name}.toml"));
@@ -36,11 +37,6 @@ fn whole() -> Vec<Table> {
     for lineage in several["lineage"].as_array_mut().unwrap() {
         lineage.as_table_mut().unwrap().insert("over_egos".into(), "worst".into());
     }
-    // None has scenes of selection, or a careful driver who foresees ways along lanes and swerves less far, too.
-    let first = &mut all[0];
-    first["split"].as_table_mut().unwrap().insert("selection".into(), 40.into());
-    let avoidance = first["simulator"]["avoidance"].as_table_mut().unwrap();
-    avoidance.extend([("forecast".to_string(), "lanes".into()), ("lesser_swerves".to_string(), true.into())]);
     let mut pool = all[4].clone();
     pool.insert(
         "scenes".into(),

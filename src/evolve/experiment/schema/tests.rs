@@ -170,7 +170,8 @@ fn values(text: &str) -> Vec<(String, toml::Value)> {
 
 #[test]
 fn what_the_protocols_say_to_leave_alone_has_one_value_in_every_shipped_experiment() {
-    for (name, protocol) in PROTOCOLS {
+    // `metadrive-2` has what `metadrive` has.
+    for (name, protocol) in PROTOCOLS.into_iter().filter(|(_, protocol)| !protocol.contains("base = ")) {
         let (_, alone) = protocol.split_once("# LEAVE ALONE").expect("the part to leave alone");
         let alone = values(alone);
         assert!(alone.len() > 30, "{name}: {} values only", alone.len());

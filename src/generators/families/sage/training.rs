@@ -80,6 +80,7 @@ fn split() -> SynthOptions {
         ego_travel_m_min: 10.0,
         interaction_time_s_max: 4.0,
         interaction_gap_m_max: 12.0,
+        traffic: None,
         attempts_max: 40,
         following_share: 0.2,
     }

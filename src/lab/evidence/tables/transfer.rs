@@ -225,7 +225,34 @@ fn notes(of: &Transferred) -> Vec<String> {
         notes.push(format!("Up to {failed} scenes of a program have no label against a driver and count nowhere."));
     }
     notes.extend(of.rows(None).iter().filter_map(without));
+    notes.extend(READINGS.iter().filter_map(|(name, _, _, read)| reachable(of, name, *read)));
     notes
+}
+
+/// Programs below it do not count among those that reach a scene (paper: R >= 0.95).
+const REALISM_MIN: f64 = 0.95;
+
+/// The share of scenes that at least one realistic program hits, by driver, beside that of the best one alone: a bound from hindsight on
+/// what a program could gain by choosing well in each scene.
+fn reachable(of: &Transferred, name: &str, read: Read) -> Option<String> {
+    let each: Vec<String> = (0..of.drivers.len())
+        .filter_map(|driver| {
+            let realistic = (0..of.scores.len()).filter(|at| of.scores[*at][driver].objectives.realism >= REALISM_MIN);
+            let hits: Vec<Vec<Option<f64>>> = realistic.map(|program| of.values(program, driver, read)).collect();
+            let mean = |values: Vec<f64>| num::mean(&values);
+            let best = hits.iter().filter_map(|one| mean(one.iter().flatten().copied().collect())).reduce(f64::max)?;
+            let of_scene = |scene: usize| hits.iter().filter_map(|one| one[scene]).reduce(f64::max);
+            let some = mean((0..of.scenes.len()).filter_map(of_scene).collect())?;
+            let (driver, count) = (of.drivers[driver], hits.len());
+            Some(format!("{driver} {} (best alone {}, of {count})", num::fixed(some, 3), num::fixed(best, 3)))
+        })
+        .collect();
+    let says = format!(
+        "Reachable, {name}: the share of scenes that at least one of the programs with realism of {REALISM_MIN} or more hits, known only \
+         afterwards: {}.",
+        each.join("; ")
+    );
+    (!each.is_empty()).then_some(says)
 }
 
 /// Who judges a contact.
@@ -377,6 +404,19 @@ mod tests {
         assert_eq!(shares("transfer-at-fault", 1), [0.7, 0.0]);
         let change = shares("transfer-published-change", 0);
         assert!((change[0] - 0.5).abs() < 1e-12 && change[1].abs() < 1e-12, "{change:?}");
+    }
+
+    #[test]
+    fn what_some_program_reaches_is_a_union_of_scenes_over_realistic_programs_alone() {
+        let mut of = example();
+        let contacts: Vec<Option<Met>> =
+            of.scores[2][0].scenes.iter().rev().map(|scene| scene.contact.clone()).collect();
+        of.scores[2][0].scenes.iter_mut().zip(contacts).for_each(|(scene, contact)| scene.contact = contact);
+        let says = |of: &Transferred| reachable(of, "published", BROUGHT_ABOUT).unwrap();
+        // Eight scenes from the first on, six from the last on.
+        assert!(says(&of).contains("idm 1.000 (best alone 0.800, of 3); pdm 0.200"), "{}", says(&of));
+        of.scores[2][0].objectives.realism = 0.94;
+        assert!(says(&of).contains("idm 0.800 (best alone 0.800, of 2)"), "{}", says(&of));
     }
 
     #[test]

@@ -39,6 +39,14 @@ class Evodrive:
             yield lineage["lineage"], program, held_out
 
 
+def finished(runs, name, experiment):
+    """The folder of a finished run below another folder."""
+    folders = sorted(runs.glob(f"{name}-????????"))
+    if len(folders) != 1:
+        sys.exit(f"{runs}: expected one finished run of {experiment}, found {len(folders)}; `evodrive run {experiment} --out {runs}` makes it")
+    return folders[0]
+
+
 def ours(row, key):
     return row["values"][key]["ours"]
 

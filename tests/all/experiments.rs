@@ -491,6 +491,19 @@ fn init_writes_a_short_file_for_every_family_that_is_read_outside_the_repository
     assert!(code == 2 && text.contains("did you mean `cat`?"), "{text}");
 }
 
+/// Of the scenes that a protocol generates enough can be used for its own split.
+#[test]
+fn a_protocol_has_scenes_enough_for_its_split() {
+    let threads = Threads::new(2).unwrap();
+    for name in ["metadrive/cat-idm", "worlds/scripted"] {
+        let experiment = read(&crate::harness::home().join(format!("experiments/{name}.toml")));
+        let pool = experiment.scenes(&[], &threads).unwrap();
+        let split = experiment.split_of(&pool, &threads).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let asked = experiment.split.held_out + experiment.split.selection.unwrap_or(0);
+        assert_eq!(split.held_out.len() + split.selection.len(), asked, "{name}");
+    }
+}
+
 /// A study of several families needs no editing: each has its lineage, and what one of them asks for is there.
 #[test]
 fn init_takes_several_families_or_all_with_what_they_need_and_the_size_of_the_study() {

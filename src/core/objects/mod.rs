@@ -12,6 +12,8 @@ pub mod downstream;
 pub mod entry;
 pub mod event;
 pub mod expr;
+#[cfg(any(test, feature = "fixtures"))]
+pub mod fixture;
 pub mod flow_step;
 pub mod ids;
 pub mod origin;

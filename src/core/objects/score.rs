@@ -277,23 +277,13 @@ pub fn abandoned(failures: &[SceneFailure]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::objects::fixture::scene_score;
 
     /// A scene acted in with a diagnostic of weight .08 that holds or fails wholly, and one that is a little off.
     fn label(fails: bool) -> SceneScore {
         let light = if fails { 0.0 } else { 1.0 };
-        SceneScore {
-            scene: "s".into(),
-            attack: 1.0,
-            realism: 1.0 - 0.08 * (1.0 - light),
-            acted: true,
-            diagnostics: [("light".to_string(), light), ("other".to_string(), 0.5)].into(),
-            metrics: Default::default(),
-            contact: None,
-            intervened: true,
-            by_ego: Default::default(),
-            request: Digest::of_bytes(b"request"),
-            record: Digest::of_bytes(b"record"),
-        }
+        let diagnostics = [("light".to_string(), light), ("other".to_string(), 0.5)].into();
+        SceneScore { diagnostics, ..scene_score("s", 1.0, 1.0 - 0.08 * (1.0 - light)) }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! One simulated driver: wishes, limits, and car following (the Intelligent Driver Model of Treiber, Hennecke and
 //! Helbing 2000). This module does not know roads.
 
-use super::variation::Unlike;
+use super::variation::Variation;
 use crate::kernel::{Stream, num};
 
 /// What kind of vehicle a driver has.
@@ -71,7 +71,7 @@ impl Driver {
     }
 
     /// Makes the driver one of a scene whose drivers differ from their models; a motorist's place is at most so far beside the lane's centre.
-    pub fn differ(&mut self, unlike: &Unlike, aside_m_max: f64, draw: &mut Stream) {
+    pub fn differ(&mut self, unlike: &Variation<f64>, aside_m_max: f64, draw: &mut Stream) {
         self.haste = draw.normal(1.0, unlike.haste).clamp(0.4, 1.4);
         self.acceleration_mps2 *= unlike.pace;
         self.headway_s *= unlike.headway;

@@ -52,9 +52,9 @@ pub fn generate(kind: WorldKind, seed: Seed, index: u32, options: &SynthOptions)
         seed.stream(&["synth", kind.name(), &index.to_string(), "following"]).chance(options.following_share);
     for attempt in 0..options.attempts_max {
         let path = ["synth".to_string(), kind.name().to_string(), index.to_string(), attempt.to_string()];
-        let net = worlds::lay_world(kind, &variation, &mut stream(seed, &path, "world"));
-        let mut traffic = Traffic::new(&net, kind, options, &variation, seed, &path);
-        let log = record::record(&mut traffic, options);
+        let net = worlds::lay_world(kind, options, variation, &mut stream(seed, &path, "world"));
+        let mut traffic = Traffic::new(&net, kind, options, variation, seed, &path);
+        let mut log = record::record(&mut traffic, options);
         let following = may_follow || 2 * attempt >= options.attempts_max;
         let chosen = interaction::choose(&log.tracks, options, following).and_then(|pair| {
             record::consistent(&log, options)?;
@@ -62,11 +62,7 @@ pub fn generate(kind: WorldKind, seed: Seed, index: u32, options: &SynthOptions)
         });
         match chosen {
             Ok(pair) => {
-                let mut log = log;
-                let pair = match variation.range_m {
-                    Some(range_m) => record::within(&mut log, pair, range_m),
-                    None => pair,
-                };
+                let pair = variation.map_or(pair, |of| record::within(&mut log, pair, of.range_m));
                 return Ok(assemble(id, kind, seed, index, options, &net, log, pair));
             }
             Err(reject) => last = reject,

@@ -201,10 +201,8 @@ impl SynthOptions {
         }
     }
 
-    /// The traffic of one scene.
-    pub(super) fn variation(&self, kind: WorldKind, seed: Seed, index: u32) -> Variation {
-        let same =
-            Variation { users: self.tracks_per_scene, room: 1.0, range_m: None, lanes: 0, limit: 1.0, drivers: None };
-        self.traffic.as_deref().map_or(same, |traffic| traffic.drawn(seed, kind.name(), index))
+    /// The traffic of one scene; nothing where it does not vary.
+    pub(super) fn variation(&self, kind: WorldKind, seed: Seed, index: u32) -> Option<Variation<f64>> {
+        self.traffic.as_deref().map(|traffic| traffic.drawn(seed, kind.name(), index))
     }
 }

@@ -1,8 +1,8 @@
 //! Whole scenes: what every generated log must keep.
 
 use super::*;
-use crate::kernel::{Digest, OrientedBox, num};
-use crate::scene::{AgentKind, DT_S, Lane, LightState, Neighbour, Track};
+use crate::kernel::{Digest, OrientedBox, Pose, num};
+use crate::scene::{AgentKind, DT_S, Lane, LaneGraph, LightState, Neighbour, Sample, Track};
 use proptest::prelude::*;
 
 pub(crate) fn options() -> SynthOptions {
@@ -71,8 +71,8 @@ fn the_first_attempt_seldom_breaks_the_laws_of_motion() {
         for index in 0..8 {
             let path = ["test".to_string(), kind.name().to_string(), index.to_string(), "0".to_string()];
             let variation = options.variation(kind, Seed(5), index);
-            let net = worlds::lay_world(kind, &variation, &mut stream(Seed(5), &path, "world"));
-            let mut traffic = Traffic::new(&net, kind, &options, &variation, Seed(5), &path);
+            let net = worlds::lay_world(kind, &options, variation, &mut stream(Seed(5), &path, "world"));
+            let mut traffic = Traffic::new(&net, kind, &options, variation, Seed(5), &path);
             let log = record::record(&mut traffic, &options);
             all += 1;
             if let Err(reject) = record::consistent(&log, &options) {
@@ -286,7 +286,7 @@ fn varied_traffic_varies_in_number_and_reach_and_drivers_leave_the_middle_of_the
     assert!(*most >= 3 * *least, "{numbers:?}");
     let mut aside_m = Vec::new();
     for scene in &scenes {
-        let lanes = crate::scene::LaneGraph::of(&scene.road);
+        let lanes = LaneGraph::of(&scene.road);
         for (at, track) in scene.tracks.iter().enumerate() {
             let away = |step: usize| Some(track.at(step)?.position.distance(scene.ego.track.at(step)?.position));
             let nearest = (0..scene.steps).filter_map(away).fold(f64::INFINITY, f64::min);
@@ -299,6 +299,126 @@ fn varied_traffic_varies_in_number_and_reach_and_drivers_leave_the_middle_of_the
     }
     let mean = num::mean(&aside_m).unwrap();
     assert!((0.15..0.8).contains(&mean), "{mean} m beside the middle of lanes, on average");
+}
+
+/// A bound of traffic: its name, a kind of world that shows it, how it is set, a value that gives less of something and one that gives more,
+/// and how much of it there is.
+type Knob = (&'static str, WorldKind, fn(&mut TrafficOptions, [f64; 2]), [f64; 2], fn(&[Scene]) -> f64);
+
+const KNOBS: [Knob; 11] = [
+    ("users", WorldKind::Straight, |of, both| of.users = both, [15.0, 60.0], tracks),
+    ("room", WorldKind::Straight, |of, both| of.room = both, [0.4, 1.5], next_ahead_m),
+    ("range_m", WorldKind::Straight, |of, both| of.range_m = both, [40.0, 1000.0], tracks),
+    (
+        "lanes",
+        WorldKind::Straight,
+        |of, both| of.lanes = both,
+        [0.0, 3.0],
+        |scenes| mean(scenes.iter().map(|scene| scene.road.lanes.len() as f64)),
+    ),
+    ("limit", WorldKind::Straight, |of, both| of.limit = both, [0.5, 1.0], |scenes| mean(speeds(scenes))),
+    (
+        "pedals_mps2",
+        WorldKind::Straight,
+        |of, both| of.pedals_mps2 = both,
+        [0.0, 1.5],
+        |scenes| {
+            mean(gains(scenes).flat_map(|gains| gains.windows(2).map(|of| (of[1] - of[0]).abs()).collect::<Vec<_>>()))
+        },
+    ),
+    ("weave_m", WorldKind::Straight, |of, both| of.weave_m = both, [0.0, 0.5], aside_m),
+    ("place_m", WorldKind::Straight, |of, both| of.place_m = both, [0.0, 0.4], aside_m),
+    (
+        "haste",
+        WorldKind::Straight,
+        |of, both| (of.haste, of.room) = (both, [3.0; 2]),
+        [0.0, 0.3],
+        |scenes| {
+            // Limits are others in other scenes.
+            mean(scenes.iter().map(|scene| {
+                let middle = mean(speeds(std::slice::from_ref(scene)));
+                mean(speeds(std::slice::from_ref(scene)).map(|speed| (speed - middle).abs()))
+            }))
+        },
+    ),
+    (
+        "pace",
+        WorldKind::UnsignalledCrossing,
+        |of, both| of.pace = both,
+        [0.4, 2.0],
+        |scenes| mean(gains(scenes).map(|gains| gains.into_iter().fold(0.0, f64::max))),
+    ),
+    ("headway", WorldKind::Straight, |of, both| of.headway = both, [0.4, 3.0], next_ahead_m),
+];
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    num::mean(&values.collect::<Vec<f64>>()).unwrap()
+}
+
+fn tracks(scenes: &[Scene]) -> f64 {
+    mean(scenes.iter().map(|scene| scene.tracks.len() as f64))
+}
+
+/// How far ahead of each road user the next one in its strip is, where one is within 80 m.
+fn next_ahead_m(scenes: &[Scene]) -> f64 {
+    mean(scenes.iter().flat_map(|scene| {
+        let now: Vec<&Sample> = everyone(scene).filter_map(|track| track.at(scene.current_step)).collect();
+        let next = |of: &&Sample| {
+            let pose = Pose { position: of.position, heading_rad: of.heading_rad };
+            let ahead = now.iter().map(|other| pose.to_local(other.position));
+            let ahead = ahead.filter(|at| at.x > 0.5 && at.x < 80.0 && at.y.abs() < 1.5);
+            ahead.map(|at| at.x).reduce(f64::min)
+        };
+        now.iter().filter_map(next).collect::<Vec<f64>>()
+    }))
+}
+
+fn vehicles(scenes: &[Scene]) -> impl Iterator<Item = (&Scene, Vec<&Sample>)> {
+    let of = |scene| everyone(scene).filter(|track| track.kind == AgentKind::Vehicle).map(move |track| (scene, track));
+    scenes.iter().flat_map(of).map(|(scene, track)| (scene, track.samples.iter().flatten().collect()))
+}
+
+fn aside_m(scenes: &[Scene]) -> f64 {
+    mean(vehicles(scenes).filter_map(|(scene, samples)| {
+        let place = LaneGraph::of(&scene.road).nearest_lane_any_heading(samples[0].position, 2.0)?;
+        Some(place.offset_m.abs())
+    }))
+}
+
+fn speeds(scenes: &[Scene]) -> impl Iterator<Item = f64> {
+    vehicles(scenes).map(|(_, samples)| mean(samples.iter().map(|sample| sample.speed_mps())))
+}
+
+/// Of each vehicle how its speed changes step by step, m/s.
+fn gains(scenes: &[Scene]) -> impl Iterator<Item = Vec<f64>> {
+    let gain = |pair: &[&Sample]| pair[1].speed_mps() - pair[0].speed_mps();
+    vehicles(scenes).map(move |(_, samples)| samples.windows(2).map(gain).collect())
+}
+
+#[test]
+fn each_bound_of_traffic_gives_more_of_what_it_says() {
+    let even = TrafficOptions {
+        users: [30.0; 2],
+        room: [1.0; 2],
+        range_m: [1000.0; 2],
+        lanes: [0.0; 2],
+        limit: [1.0; 2],
+        pedals_mps2: [0.0; 2],
+        weave_m: [0.0; 2],
+        place_m: [0.0; 2],
+        haste: [0.1; 2],
+        pace: [1.0; 2],
+        headway: [1.0; 2],
+    };
+    for (name, kind, set, ends, measure) in KNOBS {
+        let [less, more] = ends.map(|end| {
+            let mut traffic = even;
+            set(&mut traffic, [end; 2]);
+            let options = SynthOptions { kinds: vec![kind], traffic: Some(Box::new(traffic)), ..varied() };
+            measure(&pool(&options, Seed(5), 12).unwrap())
+        });
+        assert!(more > 1.1 * less, "{name}: {less} at {}, {more} at {}", ends[0], ends[1]);
+    }
 }
 
 #[test]

@@ -22,7 +22,7 @@ pub(super) struct Traffic<'a> {
     pub lanes: Vec<Vec<(f64, usize)>>,
     pub turns: u64,
     target: usize,
-    variation: Variation,
+    variation: Option<Variation<f64>>,
     cyclist_share: f64,
     seed: Seed,
     path: [String; 4],
@@ -37,12 +37,12 @@ impl<'a> Traffic<'a> {
         net: &'a Network,
         kind: WorldKind,
         options: &SynthOptions,
-        variation: &Variation,
+        variation: Option<Variation<f64>>,
         seed: Seed,
         path: &[String; 4],
     ) -> Traffic<'a> {
         let on_foot = if net.crosswalks.is_empty() { 0.0 } else { options.pedestrian_share };
-        let users = variation.users as f64;
+        let users = variation.map_or(options.tracks_per_scene as f64, |of| of.users);
         let walkers = (users * on_foot).round() as usize;
         // Some vehicles leave during the recording and as many arrive; they count too.
         let target = ((users - walkers as f64) * 0.88).round().max(2.0) as usize;
@@ -56,7 +56,7 @@ impl<'a> Traffic<'a> {
             lanes: vec![Vec::new(); net.lanes.len()],
             turns: 0,
             target,
-            variation: *variation,
+            variation,
             cyclist_share: if kind.motorway() { 0.0 } else { options.cyclist_share },
             seed,
             arrivals: named("arrivals"),
@@ -87,15 +87,15 @@ impl<'a> Traffic<'a> {
         };
         let mut driver = Driver::draw(body, &mut draw);
         let (mut pedals, mut weave) = (None, None);
-        if let Some(unlike) = self.variation.drivers {
+        if let Some(variation) = self.variation {
             let mut own = stream(self.seed, &self.path, &format!("driver {number}, own ways"));
             // Who keeps to a lane stays within it, so that two abreast pass each other.
             let of = &self.net.lanes[lane];
             let spare_m = (0.5 * (of.width_m - driver.width_m) - 0.1).max(0.0);
-            driver.differ(&unlike, 0.5 * spare_m, &mut own);
+            driver.differ(&variation, 0.5 * spare_m, &mut own);
             let left_m = (spare_m - driver.bias_m.abs()).max(0.0);
-            weave = Some(Weave::draw(unlike.weave_m, left_m, of.limit_mps, &mut own));
-            pedals = Some(Pedals::new(unlike.pedals_mps2, own));
+            weave = Some(Weave::draw(variation.weave_m, left_m, of.limit_mps, &mut own));
+            pedals = Some(Pedals::new(variation.pedals_mps2, own));
         }
         Car {
             number,
@@ -114,6 +114,11 @@ impl<'a> Traffic<'a> {
             choice: draw,
             gone: false,
         }
+    }
+
+    /// What the metres between road users are multiplied by.
+    fn room(&self) -> f64 {
+        self.variation.map_or(1.0, |of| of.room)
     }
 
     fn populate(&mut self, draw: &mut Stream) {
@@ -136,7 +141,7 @@ impl<'a> Traffic<'a> {
             let length = self.net.lanes[lane].curve.length_m();
             let s = length + at;
             let limit = self.net.lanes[lane].limit_mps;
-            let room = (16.0 + 0.5 * limit) * self.variation.room;
+            let room = (16.0 + 0.5 * limit) * self.room();
             let free = taken.iter().all(|&(l, other)| l != lane || (other - s).abs() > room);
             if !free || s < 8.0 || s > length - 25.0 {
                 continue;
@@ -312,7 +317,7 @@ impl<'a> Traffic<'a> {
         let limit = self.net.lanes[lane].limit_mps;
         let first = self.lanes[lane].first().map(|&(s, other)| (s - self.cars[other].half(), self.cars[other].speed));
         if first.is_some_and(|(rear, speed)| {
-            rear < (22.0 + 0.5 * limit) * self.variation.room.min(1.0) + 0.8 * (limit - speed).max(0.0)
+            rear < (22.0 + 0.5 * limit) * self.room().min(1.0) + 0.8 * (limit - speed).max(0.0)
         }) {
             return;
         }

@@ -5,33 +5,36 @@ use serde::{Deserialize, Serialize};
 
 use crate::kernel::{Seed, Stream, num};
 
-/// `scenes.options.traffic`: bounds between which each scene draws, first and last included.
+/// How traffic varies: `scenes.options.traffic` has two bounds of each, first and last included, a scene what it drew between them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TrafficOptions {
+pub struct Variation<Of> {
     /// Road users of a scene, drawn by their logarithm.
-    pub users: [f64; 2],
+    pub users: Of,
     /// What their room is multiplied by: metres of lane each, and metres between them at first.
-    pub room: [f64; 2],
+    pub room: Of,
     /// How far from the ego others are recorded, metres.
-    pub range_m: [f64; 2],
+    pub range_m: Of,
     /// Further lanes of a direction; of a road that meets another one, half as many.
-    pub lanes: [f64; 2],
+    pub lanes: Of,
     /// What speed limits are multiplied by.
-    pub limit: [f64; 2],
+    pub limit: Of,
     /// Standard deviation of what drivers' pedals add to the acceleration that they want, m/s².
-    pub pedals_mps2: [f64; 2],
+    pub pedals_mps2: Of,
     /// How far drivers wander in their lane, metres.
-    pub weave_m: [f64; 2],
+    pub weave_m: Of,
     /// Standard deviation of drivers' places in their lanes, metres.
-    pub place_m: [f64; 2],
+    pub place_m: Of,
     /// Standard deviation of drivers' wanted speeds, as a share of the limit.
-    pub haste: [f64; 2],
+    pub haste: Of,
     /// What drivers' largest accelerations are multiplied by.
-    pub pace: [f64; 2],
+    pub pace: Of,
     /// What drivers' time gaps are multiplied by.
-    pub headway: [f64; 2],
+    pub headway: Of,
 }
+
+/// `scenes.options.traffic`.
+pub type TrafficOptions = Variation<[f64; 2]>;
 
 /// One bound's name, its pair, and the least and the most that it may be.
 type Bound = (&'static str, [f64; 2], f64, f64);
@@ -62,49 +65,24 @@ impl TrafficOptions {
     }
 
     /// What one scene has of it.
-    pub(super) fn drawn(&self, seed: Seed, kind: &str, index: u32) -> Variation {
+    pub(super) fn drawn(&self, seed: Seed, kind: &str, index: u32) -> Variation<f64> {
         let mut draw = seed.stream(&["synth", kind, &index.to_string(), "traffic"]);
         let mut between = |[low, high]: [f64; 2]| low + (high - low) * draw.unit();
+        let [fewest, most] = self.lanes;
         Variation {
-            users: num::exp(between(self.users.map(num::ln))).round() as usize,
+            users: num::exp(between(self.users.map(num::ln))).round(),
             room: between(self.room),
-            range_m: Some(between(self.range_m)),
-            lanes: between([self.lanes[0], self.lanes[1] + 1.0 - f64::EPSILON]).min(self.lanes[1]).floor() as usize,
+            range_m: between(self.range_m),
+            lanes: between([fewest, most + 1.0]).min(most).floor(),
             limit: between(self.limit),
-            drivers: Some(Unlike {
-                pedals_mps2: between(self.pedals_mps2),
-                weave_m: between(self.weave_m),
-                place_m: between(self.place_m),
-                haste: between(self.haste),
-                pace: between(self.pace),
-                headway: between(self.headway),
-            }),
+            pedals_mps2: between(self.pedals_mps2),
+            weave_m: between(self.weave_m),
+            place_m: between(self.place_m),
+            haste: between(self.haste),
+            pace: between(self.pace),
+            headway: between(self.headway),
         }
     }
-}
-
-/// The traffic of one scene.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Variation {
-    pub users: usize,
-    pub room: f64,
-    /// Everybody is recorded without.
-    pub range_m: Option<f64>,
-    pub lanes: usize,
-    pub limit: f64,
-    /// How the drivers differ from their models; they do not, without.
-    pub drivers: Option<Unlike>,
-}
-
-/// How the drivers of one scene differ from their models.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Unlike {
-    pub pedals_mps2: f64,
-    pub weave_m: f64,
-    pub place_m: f64,
-    pub haste: f64,
-    pub pace: f64,
-    pub headway: f64,
 }
 
 /// Seconds over which a driver's pedals keep what they add.

@@ -4,7 +4,7 @@ use super::curve::{Curve, Place};
 use super::junction::{Arm, Control, lay_junction};
 use super::network::{Gate, LaneEnd, Network, Profile, RoadLanes};
 use super::node::{Connector, Signal};
-use super::options::WorldKind;
+use super::options::{SynthOptions, WorldKind};
 use super::variation::Variation;
 use crate::kernel::{Stream, Vec2, num};
 use crate::scene::LaneKind;
@@ -16,9 +16,19 @@ const JUNCTION_M: f64 = 44.0;
 const MOTORWAY_M: f64 = 38.0;
 
 /// The road of one generated world, long enough for its road users, turned by a random angle.
-pub(super) fn lay_world(kind: WorldKind, variation: &Variation, draw: &mut Stream) -> Network {
+pub(super) fn lay_world(
+    kind: WorldKind,
+    options: &SynthOptions,
+    variation: Option<Variation<f64>>,
+    draw: &mut Stream,
+) -> Network {
     let heading = draw.uniform(-num::PI, num::PI);
-    let site = Site { heading, users: variation.users as f64, room: variation.room, more: variation.lanes };
+    let site = Site {
+        heading,
+        users: variation.map_or(options.tracks_per_scene as f64, |of| of.users),
+        room: variation.map_or(1.0, |of| of.room),
+        more: variation.map_or(0, |of| of.lanes as usize),
+    };
     let mut net = Network::default();
     match kind {
         WorldKind::Straight => site.straight(&mut net, draw),
@@ -33,7 +43,8 @@ pub(super) fn lay_world(kind: WorldKind, variation: &Variation, draw: &mut Strea
         WorldKind::Urban => site.urban(&mut net, draw),
         WorldKind::Highway => site.highway(&mut net, draw),
     }
-    net.lanes.iter_mut().for_each(|lane| lane.limit_mps *= variation.limit);
+    let limit = variation.map_or(1.0, |of| of.limit);
+    net.lanes.iter_mut().for_each(|lane| lane.limit_mps *= limit);
     net
 }
 
@@ -42,7 +53,7 @@ struct Site {
     users: f64,
     /// What a road user's lane metres are multiplied by.
     room: f64,
-    /// Further lanes of roads without a junction.
+    /// Further lanes of a direction; half as many where roads meet.
     more: usize,
 }
 

@@ -181,21 +181,12 @@ fn signed(of: Estimate) -> String {
 mod tests {
     use super::*;
     use crate::kernel::Digest;
-    use std::collections::BTreeMap;
+    use crate::objects::fixture::scene_score;
 
     fn labels(attacks: &[f64], record: &[u8]) -> Vec<SceneScore> {
         let label = |(k, attack): (usize, &f64)| SceneScore {
-            scene: format!("scene/{k}"),
-            attack: *attack,
-            realism: 0.9,
-            acted: true,
-            diagnostics: BTreeMap::new(),
-            metrics: BTreeMap::new(),
-            contact: None,
-            intervened: true,
-            by_ego: Default::default(),
-            request: Digest::of_bytes(b"request"),
             record: Digest::of_bytes(if *attack > 0.0 { b"hit" } else { record }),
+            ..scene_score(&format!("scene/{k}"), *attack, 0.9)
         };
         attacks.iter().enumerate().map(label).collect()
     }

@@ -90,23 +90,11 @@ pub fn scene_over_egos(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::Digest;
     use crate::objects::LabelRules;
+    use crate::objects::fixture::scene_score;
 
     fn label(scene: &str, attack: f64, realism: f64) -> SceneScore {
-        SceneScore {
-            scene: scene.into(),
-            attack,
-            realism,
-            acted: true,
-            diagnostics: [("jerk".to_string(), realism)].into(),
-            metrics: BTreeMap::new(),
-            contact: None,
-            intervened: true,
-            by_ego: BTreeMap::new(),
-            request: Digest::of_bytes(scene.as_bytes()),
-            record: Digest::of_bytes(&[]),
-        }
+        SceneScore { diagnostics: [("jerk".to_string(), realism)].into(), ..scene_score(scene, attack, realism) }
     }
 
     fn scores() -> Vec<(String, Score)> {

@@ -8,6 +8,7 @@ use proptest::prelude::*;
 use super::router::too_few;
 use super::*;
 use crate::kernel::{Digest, Seed, Threads, Vec2};
+use crate::objects::fixture::scene_score;
 use crate::objects::*;
 use crate::scene::{LaneGraph, SceneFeatures, fixture};
 use crate::statistics::table::Table;
@@ -489,19 +490,7 @@ pub(super) fn program() -> Program {
 }
 
 pub(super) fn scored(scene: &str, attack: f64) -> SceneScore {
-    SceneScore {
-        scene: scene.into(),
-        attack,
-        realism: 0.75,
-        acted: true,
-        contact: None,
-        diagnostics: BTreeMap::new(),
-        metrics: Default::default(),
-        intervened: true,
-        by_ego: Default::default(),
-        request: Digest::of_bytes(b"q"),
-        record: Digest::of_bytes(b"r"),
-    }
+    scene_score(scene, attack, 0.75)
 }
 
 #[test]

@@ -203,12 +203,13 @@ fn drawn_film(
     let end = met.map_or(last, |met| met.saturating_add(steps(AFTER_CONTACT_S)).min(last));
     let begins = look.last_s.map_or(0, |seconds| met.unwrap_or(end).saturating_sub(steps(seconds)));
     let from = drawing.current_step.max(begins).min(end);
-    let mut shown = drawing.clone();
-    if look.last_s.is_some() {
-        // The picture's frame follows from where ego and adversaries are seen.
-        let samples = shown.actors.iter_mut().flat_map(|actor| actor.samples.iter_mut().enumerate());
+    // The picture's frame follows from where ego and adversaries are seen.
+    let cut = look.last_s.map(|_| {
+        let mut cut = drawing.clone();
+        let samples = cut.actors.iter_mut().flat_map(|actor| actor.samples.iter_mut().enumerate());
         samples.filter(|(step, _)| !(from..=end).contains(step)).for_each(|(_, sample)| *sample = None);
-    }
+        cut
+    });
     let film_of = FilmOptions {
         width_px: look.width_px,
         theme: look.theme,
@@ -217,7 +218,7 @@ fn drawn_film(
         title: title.clone(),
     };
     let threads = Threads::new(jobs)?;
-    let film = film(&shown, &film_of, &threads).map_err(Failure::bad_input)?;
+    let film = film(cut.as_ref().unwrap_or(drawing), &film_of, &threads).map_err(Failure::bad_input)?;
     if is_gif {
         let delay_cs = (100.0 * drawing.dt_s).round() as u16;
         output.write(out, &gif(&film, delay_cs, LAST_CS).map_err(Failure::bad_input)?)?;

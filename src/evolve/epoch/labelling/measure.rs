@@ -104,23 +104,12 @@ mod tests {
     use super::*;
     use crate::evaluation::point_of;
     use crate::evaluation::protocol::safebench::samples::run;
+    use crate::objects::fixture::scene_score;
     use crate::scene::safebench::TrafficFamily;
 
     fn scene(name: &str, run: &SafebenchRun) -> SceneScore {
         let (attack, realism) = point_of(run);
-        SceneScore {
-            scene: name.into(),
-            attack,
-            realism,
-            acted: true,
-            diagnostics: BTreeMap::new(),
-            metrics: Default::default(),
-            contact: None,
-            intervened: true,
-            by_ego: Default::default(),
-            request: Digest::of_bytes(name.as_bytes()),
-            record: Digest::of_bytes(&[]),
-        }
+        scene_score(name, attack, realism)
     }
 
     #[test]

@@ -27,25 +27,12 @@ pub fn of(labels: &[SceneScore], mean: RealismMean) -> Option<[[f64; 2]; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::Digest;
+    use crate::objects::fixture::scene_score;
 
     #[test]
     fn the_interval_is_that_of_the_scenes_and_narrower_with_more_of_them() {
         let labels = |count: usize| -> Vec<SceneScore> {
-            let label = |k: usize| SceneScore {
-                scene: k.to_string(),
-                attack: (k % 2) as f64,
-                realism: 0.9,
-                acted: true,
-                diagnostics: Default::default(),
-                metrics: Default::default(),
-                contact: None,
-                intervened: true,
-                by_ego: Default::default(),
-                request: Digest::of_bytes(b"request"),
-                record: Digest::of_bytes(b"record"),
-            };
-            (0..count).map(label).collect()
+            (0..count).map(|k| scene_score(&k.to_string(), (k % 2) as f64, 0.9)).collect()
         };
         let [attack, realism] = of(&labels(100), RealismMean::Strict).unwrap();
         // Of a rate of a half over a hundred scenes the standard error is 0.05.

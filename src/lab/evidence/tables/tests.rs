@@ -6,6 +6,7 @@ use super::*;
 use crate::archive::ArchiveOptions;
 use crate::evidence::recorded_run::{Declared, RecordedRun, RunEvents};
 use crate::kernel::Digest;
+use crate::objects::fixture::scene_score;
 use crate::objects::{
     Attempt, FamilyName, LineageId, Met, Objectives, Origin, ParameterValue, Program, Role, RunOrigin, SceneFailure,
     SceneScore, Score, SolutionId,
@@ -74,10 +75,6 @@ pub(in crate::evidence) fn score(of: &str, labels: &[Label; 4]) -> Score {
     let scene = |(id, label): (&&str, &Label)| {
         let (attack, realism) = (*label)?;
         Some(SceneScore {
-            scene: id.to_string(),
-            attack,
-            realism,
-            acted: true,
             contact: (attack > 0.0).then(|| Met {
                 adversary: true,
                 class: "cut_in".into(),
@@ -86,12 +83,8 @@ pub(in crate::evidence) fn score(of: &str, labels: &[Label; 4]) -> Score {
                 avoided_by: None,
                 anyway: false,
             }),
-            diagnostics: BTreeMap::new(),
-            metrics: Default::default(),
-            intervened: true,
-            by_ego: Default::default(),
             request: Digest::of_bytes(format!("{of} {id}").as_bytes()),
-            record: Digest::of_bytes(b"record"),
+            ..scene_score(id, attack, realism)
         })
     };
     let scenes: Vec<SceneScore> = SCENES.iter().zip(labels).filter_map(scene).collect();

@@ -342,22 +342,11 @@ mod tests {
     use super::*;
     use crate::evaluation::score_of;
     use crate::objects::Met;
+    use crate::objects::fixture::scene_score;
     use crate::sim::Fault;
 
     fn label(place: usize) -> SceneScore {
-        SceneScore {
-            scene: format!("scene-{place}"),
-            attack: 0.0,
-            realism: 1.0,
-            acted: true,
-            diagnostics: Default::default(),
-            metrics: Default::default(),
-            contact: None,
-            intervened: true,
-            by_ego: Default::default(),
-            request: Digest::of_bytes(&[]),
-            record: Digest::of_bytes(&[]),
-        }
+        scene_score(&format!("scene-{place}"), 0.0, 1.0)
     }
 
     /// Contacts in the first of ten scenes; each of a fault of the ego's, or not.

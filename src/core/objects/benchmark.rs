@@ -37,10 +37,17 @@ pub struct Run {
 pub struct RunRealism {
     /// Whether a road user that the program staged was set off or met the ego.
     pub acted: bool,
-    /// Never of a run in which the program did not act.
+    /// Never of a run in which the program did not act, unless such runs are judged as well.
     pub valid: bool,
-    /// S_kin, S_map, S_int, S_dist, each 0..=1; 0 where the program did not act.
+    /// S_kin, S_map, S_int, S_dist, each 0..=1; all 0 of a run that is not judged. Of a judged idle run S_int is at least 1/3.
     pub sub_scores: [f64; 4],
+}
+
+impl RunRealism {
+    /// Returns `true` if the run counts for ARS.
+    pub fn is_judged(&self) -> bool {
+        self.acted || self.sub_scores != [0.0; 4]
+    }
 }
 
 /// One labelled run of a staged scene. SafeBench's scores of a set of runs are computed from these alone.

@@ -2,7 +2,7 @@
 
 use super::key::{Key, Need, Range};
 use super::place::POLICIES;
-use crate::archive::search::Method;
+use crate::archive::{PromotionRule, search::Method};
 use crate::ego::Setting;
 use crate::evaluation::{Counts, DIAGNOSTICS, Diagnostic};
 use crate::families;
@@ -870,6 +870,16 @@ fn safebench() -> Vec<Key> {
         ],
     );
     keys.extend(table(
+        || Optional,
+        vec![(
+            ars!("judges_idle"),
+            "",
+            "",
+            Truth,
+            "Whether ARS is over all runs; over those that the program acts in without it.",
+        )],
+    ));
+    keys.extend(table(
         || With("evaluation.safebench.preventable"),
         vec![
             (
@@ -964,6 +974,13 @@ fn acceptance() -> Vec<Key> {
                 "Whether every third slot edits another member of the front than the leader; true without it.",
             ),
             (
+                "archive.parent_counts",
+                "",
+                "",
+                Truth,
+                "Whether a child must surpass its parent in ΔHV and local push also where that is not on the front; true without it.",
+            ),
+            (
                 "selector.rule",
                 "",
                 "",
@@ -971,6 +988,13 @@ fn acceptance() -> Vec<Key> {
                 "Who is reported of those with `realism_min`: the most realistic within `tolerance` of the best attack, as without it, or the best attack.",
             ),
             ("selector.must_act", "", "", Truth, "Whether whoever acts nowhere is never reported; true without it."),
+            (
+                "selector.fills_up",
+                "",
+                "",
+                Truth,
+                "Whether less realistic programs count for PF-Area@3 where fewer than three reach `realism_min`; true without it.",
+            ),
             (
                 "memory.taking",
                 "",
@@ -1039,8 +1063,8 @@ fn acceptance_always() -> Vec<Key> {
             "archive.promotion",
             "",
             "",
-            Word(|| words(["largest_hypervolume_gain", "two_anchors"])),
-            "Which accepted children lead the lineage: the largest gain, or an attack and a realism anchor in turn.",
+            Word(|| words(PromotionRule::NAMES)),
+            "Which accepted children lead the lineage: the largest gain, the last one, or an attack and a realism anchor in turn.",
         ),
         ("selector.realism_min", "", "", SHARE, "Least realism of the active generator."),
         ("selector.tolerance", "ε", "", SHARE, "Share of the best attack that may be given up for realism."),

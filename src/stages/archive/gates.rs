@@ -62,6 +62,10 @@ pub struct ArchiveOptions {
     /// Whether every third slot edits another member of the front than the leader. The paper has one active parent.
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub portfolio: bool,
+    /// True if the parent stands among those whom a child must surpass in ΔHV and local push also where it is not on the
+    /// front. The paper has the front alone.
+    #[serde(default = "yes", skip_serializing_if = "is_yes")]
+    pub parent_counts: bool,
 }
 
 impl Default for ArchiveOptions {
@@ -84,6 +88,7 @@ impl Default for ArchiveOptions {
             judged_on: JudgedOn::default(),
             ties: Ties::default(),
             portfolio: true,
+            parent_counts: true,
         }
     }
 }
@@ -123,7 +128,7 @@ impl ArchiveOptions {
                 "race",
                 level,
                 one_leads,
-                "none beside promotion = \"two_anchors\", whose leaders are no gain over one parent",
+                "none beside promotion = \"two_anchors\" or \"last_accepted\", whose leaders are no gain over one parent",
             )?;
         }
         if let Some((option, value, expected)) = self.contradiction() {
@@ -192,8 +197,7 @@ pub fn consider(
     let scores: Vec<&Score> =
         [standing.child, standing.parent].into_iter().chain(standing.front.iter().copied()).collect();
     let panel = Panel::of(&scores, measure);
-    // The parent is a contender whether or not it is on the front.
-    let others: Vec<usize> = (PARENT..scores.len()).collect();
+    let others: Vec<usize> = (PARENT + usize::from(!options.parent_counts)..scores.len()).collect();
     let densification = densification(&panel, &others, options);
     let local_push = local_push(&panel, &others, densification.holds, options);
     Ok(AcceptanceGates {
@@ -319,6 +323,17 @@ mod tests {
     fn gates(front: &[[f64; 2]], child: [f64; 2], parent: [f64; 2]) -> AcceptanceGates {
         let front: Vec<Score> = front.iter().map(|point| alike(*point)).collect();
         judged(&alike(child), &alike(parent), &front.iter().collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn the_front_alone_is_surpassed_where_the_parent_does_not_count() {
+        let (child, parent, front) = (alike([0.5, 0.7]), alike([0.6, 0.8]), alike([0.2, 0.9]));
+        let with = |parent_counts| {
+            let options = ArchiveOptions { parent_counts, ..options() };
+            let standing = Standing { child: &child, parent: &parent, front: &[&front] };
+            consider(&standing, &options, &MeanOverScenes::default()).unwrap().densification.holds
+        };
+        assert_eq!((with(true), with(false)), (false, true));
     }
 
     #[test]

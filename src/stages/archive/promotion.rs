@@ -1,9 +1,9 @@
-//! Who leads a lineage from one epoch to the next: accepted children (paper, section Lineage, memory, and parallelization:
-//! "Accepted children update the active generator"). The rule by which a generator is reported is another one, and is
-//! applied once, at the end (`selector`).
+//! Promotion of programs that lead a lineage from one epoch to the next: accepted children (paper, section Lineage,
+//! memory, and parallelization: "Accepted children update the active generator"). Another rule says which generator is
+//! reported; it is applied once, at the end (`selector`).
 //!
-//! The paper names no rule for several accepted children. Two are offered, and the experiment file says which:
-//! the child with the largest gain in hypervolume, or two leaders, the ends of the front, whose slots alternate.
+//! The paper names no rule for several accepted children. Three are offered, and the experiment file says which: the child
+//! with the largest gain in hypervolume; the last one accepted; or two leaders, the ends of the front, whose slots alternate.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,18 +17,25 @@ pub enum PromotionRule {
     /// Of the accepted children the one that adds most area to the front as the epoch found it. The parent stays where
     /// none adds any.
     LargestHypervolumeGain,
+    /// Every accepted child in its turn, as the serial acceptor goes through the slots: the last one stays (paper, read literally).
+    LastAccepted,
     /// An attack anchor for the even slots and a realism anchor for the odd ones: the ends of the front, the parents
     /// among the contenders.
     TwoAnchors,
 }
 
-/// Who leads.
+/// Programs that lead a lineage.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Leaders {
     /// Edited by every slot, or by the even ones where there is a second leader.
     pub active: SolutionId,
     /// Edited by the odd slots under the rule of two anchors. May be the same program.
     pub realism_anchor: Option<SolutionId>,
+}
+
+impl PromotionRule {
+    /// The words of a file.
+    pub const NAMES: [&str; 3] = ["largest_hypervolume_gain", "last_accepted", "two_anchors"];
 }
 
 impl Leaders {
@@ -53,6 +60,9 @@ pub fn promote(
     match rule {
         PromotionRule::LargestHypervolumeGain => {
             largest_gain(&front, &parents, &accepted, reference).map(|active| Leaders { active, realism_anchor: None })
+        }
+        PromotionRule::LastAccepted => {
+            accepted.last().map(|child| Leaders { active: child.solution.clone(), realism_anchor: None })
         }
         PromotionRule::TwoAnchors => anchors(parents.iter().chain(&front).chain(&accepted)),
     }
@@ -113,6 +123,14 @@ mod tests {
         Some((found.active.0, found.realism_anchor.map(|anchor| anchor.0)))
     }
 
+    #[test]
+    fn the_last_accepted_child_leads_whatever_area_it_adds() {
+        let children = [("best", [0.9, 0.95]), ("last", [0.1, 0.1])];
+        let found = leaders(PromotionRule::LastAccepted, [0.80, 0.875], &children);
+        assert_eq!(found, Some(("last".into(), None)));
+        assert_eq!(leaders(PromotionRule::LastAccepted, [0.80, 0.875], &[]), None, "the parent stays");
+    }
+
     /// The case of king-idm, epoch 0: the reporting rule (R >= 0.95) took e0s17 and threw the attack away.
     #[test]
     fn a_child_that_dominates_its_parent_leads_before_one_that_gave_its_attack_away() {
@@ -159,7 +177,7 @@ mod tests {
 
     #[test]
     fn a_program_that_does_nothing_never_leads() {
-        for rule in [PromotionRule::LargestHypervolumeGain, PromotionRule::TwoAnchors] {
+        for rule in [PromotionRule::LargestHypervolumeGain, PromotionRule::LastAccepted, PromotionRule::TwoAnchors] {
             let parents = contenders(&[("parent", [0.5, 0.9])]);
             let mut null = contenders(&[("null", [0.6, 1.0])]);
             null[0].coverage = 0.0;

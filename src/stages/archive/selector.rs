@@ -31,12 +31,16 @@ pub struct SelectorOptions {
     /// Whether whoever acts nowhere is no contender. The paper does not say so.
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub must_act: bool,
+    /// True if the most realistic of the others fill PF-Area's programs up where too few reach `realism_min`. Of the paper's
+    /// descendants those alone are eligible that reach it.
+    #[serde(default = "yes", skip_serializing_if = "is_yes")]
+    pub fills_up: bool,
 }
 
 impl SelectorOptions {
     /// The rule of a file that names these two numbers alone.
     pub const fn at(realism_min: f64, tolerance: f64) -> SelectorOptions {
-        SelectorOptions { realism_min, tolerance, also_at: None, rule: ReportedBy::Tolerance, must_act: true }
+        SelectorOptions { realism_min, tolerance, also_at: None, rule: ReportedBy::Tolerance, must_act: true, fills_up: true }
     }
 
     /// Whether a program of this coverage may be reported.
@@ -113,11 +117,13 @@ impl Selection {
     }
 }
 
-/// The first `k` by the rule, each chosen from those that are left. Whoever acts nowhere is none of them.
+/// The first `k` by the rule, each chosen from those that are left. Whoever acts nowhere is none of them, and whoever is not
+/// realistic enough none where nothing fills up.
 pub fn first_by_rule(mut contenders: Vec<Contender>, k: usize, options: &SelectorOptions) -> Vec<SolutionId> {
     contenders.retain(|contender| options.admits(contender.coverage));
     let mut first = Vec::new();
-    while let Some(next) = select_active(&contenders, options).filter(|_| first.len() < k) {
+    let counts = |next: &Selection| options.fills_up || next.rule == SelectionRule::RealismConstrained;
+    while let Some(next) = select_active(&contenders, options).filter(|next| first.len() < k && counts(next)) {
         contenders.retain(|contender| contender.solution != next.solution);
         first.push(next.solution);
     }
@@ -217,6 +223,13 @@ mod tests {
         let both = [parent, idle];
         assert_eq!(select_active(&both, &open).unwrap().solution.as_str(), "s1", "where acting is not asked for");
         assert_eq!(first_by_rule(both.to_vec(), 2, &open).len(), 2);
+    }
+
+    #[test]
+    fn where_nothing_fills_up_only_the_realistic_are_among_the_first() {
+        let all = contenders(&[[0.3, 0.96], [0.9, 0.94], [0.2, 0.97]]);
+        let first = |options: &SelectorOptions| first_by_rule(all.clone(), 3, options).len();
+        assert_eq!((first(&PAPER), first(&SelectorOptions { fills_up: false, ..PAPER })), (3, 2));
     }
 
     #[test]

@@ -212,11 +212,14 @@ fn choose(
         Some((realism_min, chosen.rule == SelectionRule::RealismConstrained, chosen.solution))
     });
     let at_realism = at_realism.collect();
-    let top = first_by_rule(contenders.split_off(1), FRONTIER_BUDGET, &study.selector);
+    let descendants = contenders.split_off(1);
+    let filled_up = SelectorOptions { fills_up: true, ..study.selector.clone() };
+    let endpoint = first_by_rule(descendants.clone(), 1, &filled_up).pop();
+    let top = first_by_rule(descendants, FRONTIER_BUDGET, &study.selector);
     Ok(Choice {
         reason: active.reason(),
         active: active.solution,
-        endpoint: top.first().cloned(),
+        endpoint,
         top,
         at_realism,
         scores,

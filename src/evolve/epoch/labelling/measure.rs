@@ -48,7 +48,7 @@ fn table_means(runs: &[(Group, SafebenchRun)], left_out: Option<usize>) -> Means
     let Some(table) = all.table() else { return Means { attack: 0.0, realism: None, coverage: 0.0 } };
     let share = |x: f64| x.clamp(0.0, 1.0);
     let (attack, realism, coverage) = (share(table.attack), share(table.realism), share(table.coverage));
-    Means { attack, realism: (coverage > 0.0).then_some(realism), coverage }
+    Means { attack, realism: (coverage > 0.0 || realism > 0.0).then_some(realism), coverage }
 }
 
 /// The labelled runs of a score, read back from their records.

@@ -62,7 +62,7 @@ fn columns(side: Side, whole: Option<usize>) -> Vec<Sourced> {
     let difference = |reading: Reading| Source::of(move |bases, row| change(bases, row, reading));
     let relative = |reading: Reading| {
         Source::of(move |bases, row| {
-            let base = bases.means(&bases.run(whole?), Side::Evolved, reading.of, reading.words)?;
+            let base = bases.read(&bases.run(whole?), Side::Evolved, reading)?;
             let terms = [change(bases, row, reading)?, base];
             Some(Derivation::percent("100 times the paired difference over the number of the whole", terms))
         })

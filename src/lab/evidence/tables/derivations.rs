@@ -11,12 +11,12 @@ use super::basis::{Combine, Derivation, Leaf, Repetition};
 use super::error::TableError;
 use super::frontier::Spanned;
 use super::key::{RowKey, Side};
-use super::labels::{self, LineageLabels, ReplayLabels};
+use super::labels::{self, LineageLabels, Reading, ReplayLabels};
 use super::searches;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::event::LineageResult;
 use crate::objects::replay::ReplayScene;
-use crate::objects::{LabelRules, LineageId, SceneScore, SolutionId};
+use crate::objects::{LabelRules, LineageId, RealismMean, SceneScore, SolutionId};
 
 /// What a cell is computed from.
 #[derive(Clone)]
@@ -155,7 +155,14 @@ impl<'s> Derivations<'s> {
         Some((run, run.result_of(lineage)?))
     }
 
-    /// Means of a reading over held-out labels; none of best descendants where a lineage has none.
+    /// Means of a reading over held-out labels, as the lineages' realism is summed up.
+    pub(super) fn read(&self, lineages: &[&LineageLabels], side: Side, reading: Reading) -> Option<Derivation> {
+        let mean = |l: &&LineageLabels| self.runs.get(l.place).map(|run| run.label_rules().mean);
+        let reading = reading.by(lineages.iter().all(|l| mean(l) == Some(RealismMean::Plain)));
+        self.means(lineages, side, reading.of, reading.words)
+    }
+
+    /// Means of a number over held-out labels; none of best descendants where a lineage has none.
     pub(super) fn means(
         &self,
         lineages: &[&LineageLabels],
@@ -217,11 +224,11 @@ impl<'s> Derivations<'s> {
         &self,
         own: &[&LineageLabels],
         others: &[&LineageLabels],
-        read: labels::Reading,
+        read: Reading,
     ) -> Option<Derivation> {
         let shared = |of: &[&LineageLabels], with: &[&LineageLabels]| {
             let shared = of.iter().copied().filter(|one| one.counterpart(with.iter().copied()).is_some());
-            self.means(&shared.collect::<Vec<_>>(), Side::Evolved, read.of, read.words)
+            self.read(&shared.collect::<Vec<_>>(), Side::Evolved, read)
         };
         let terms = vec![shared(others, own)?, shared(own, others)?];
         let formula = "the second term minus the first, paired by lineage and scene, over scenes that count in both";

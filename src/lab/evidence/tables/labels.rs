@@ -35,20 +35,33 @@ pub type Read = fn(&SceneScore) -> Option<f64>;
 pub struct Reading {
     pub of: Read,
     pub words: &'static str,
+    /// The reading in its place of runs whose realism is the plain mean over all scenes.
+    plain: Option<&'static Reading>,
 }
 
 pub(super) const fn reading(words: &'static str, of: Read) -> Reading {
-    Reading { of, words }
+    Reading { of, words, plain: None }
+}
+
+impl Reading {
+    /// The reading for runs whose realism is the plain mean, or for others.
+    pub(super) fn by(self, plain: bool) -> Reading {
+        self.plain.copied().filter(|_| plain).unwrap_or(self)
+    }
 }
 
 /// a(τ).
 pub const ATTACK: Reading = reading("attack", |scene| Some(scene.attack));
-/// r(τ) of the scenes that the program acts in.
-pub const ACTED_REALISM: Reading =
-    reading("realism where the program acts", |scene| scene.acted.then_some(scene.realism));
-/// 100 (1 - r), percent, of the scenes that the program acts in.
-pub const PENALTY_PCT: Reading =
-    reading("100 (1 - realism) where the program acts", |scene| scene.acted.then_some(100.0 * (1.0 - scene.realism)));
+/// r(τ) of the scenes that the program acts in; of all where realism is the plain mean.
+pub const ACTED_REALISM: Reading = Reading {
+    plain: Some(&reading("realism", |scene| Some(scene.realism))),
+    ..reading("realism where the program acts", |scene| scene.acted.then_some(scene.realism))
+};
+/// 100 (1 - r), percent, of the same scenes.
+pub const PENALTY_PCT: Reading = Reading {
+    plain: Some(&PENALTY_ALL_PCT),
+    ..reading("100 (1 - realism) where the program acts", |scene| scene.acted.then_some(100.0 * (1.0 - scene.realism)))
+};
 /// The same of the scenes in which it succeeds.
 pub const SUCCESS_PENALTY_PCT: Reading = reading("100 (1 - realism) where the program succeeds", |scene| {
     (scene.attack > 0.0).then_some(100.0 * (1.0 - scene.realism))

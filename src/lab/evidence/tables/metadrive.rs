@@ -71,14 +71,14 @@ const READ_OF_REPLAY: [(Column, ReplayRead); 4] = [
 ];
 
 pub(super) fn sourced((column, side, reading): Read) -> Sourced {
-    (column, Source::means(side, reading.of, reading.words))
+    (column, Source::of(move |bases, row| bases.read(&bases.lineages_of(row), side, reading)))
 }
 
 /// The row's own change: where scenes lack a label, parent and evolved rest on different ones, and their difference is no change.
 fn relative_change() -> Sourced {
     let source = Source::of(|bases, row| {
         let own = bases.lineages_of(row);
-        let attack = |side| bases.means(&own, side, labels::ATTACK.of, labels::ATTACK.words);
+        let attack = |side| bases.read(&own, side, labels::ATTACK);
         let terms = [attack(Side::Change)?, attack(Side::Parent)?];
         Some(Derivation::percent("100 attack_change / parent_attack", terms))
     });

@@ -46,7 +46,7 @@ pub struct SafebenchScore {
     pub collision_rate: f64,
     /// OS.
     pub overall_score: f64,
-    /// Of the runs that the program acts in; all zero where it acts in none.
+    /// Of the runs that were judged, which are those that the program acts in or all; all zero where there are none.
     pub realism: Ars,
     /// ARS of all runs; one that the program does not act in is not valid.
     pub realism_all: f64,
@@ -73,9 +73,9 @@ pub fn group_score(runs: &[SafebenchRun], failures: usize) -> Option<SafebenchSc
     let criteria = criteria(&runs.iter().map(|r| r.run).collect::<Vec<Run>>())?;
     let of = |runs: Vec<&SafebenchRun>| ars(&runs.iter().map(|r| r.realism).collect::<Vec<RunRealism>>(), failures);
     let all = of(runs.iter().collect())?;
-    let acted: Vec<&SafebenchRun> = runs.iter().filter(|run| run.realism.acted).collect();
-    let coverage = acted.len() as f64 / runs.len() as f64;
-    let realism = of(acted).unwrap_or(Ars { ars: 0.0, valid_rate: 0.0, sub_scores: [0.0; 4] });
+    let acted = runs.iter().filter(|run| run.realism.acted).count();
+    let coverage = acted as f64 / runs.len() as f64;
+    let realism = of(runs.iter().filter(|run| run.realism.is_judged()).collect()).unwrap_or(Ars { ars: 0.0, valid_rate: 0.0, sub_scores: [0.0; 4] });
     let (collision_rate, overall_score) = (criteria.collision_rate, criteria.overall_score());
     let attack = attack(collision_rate, overall_score);
     Some(SafebenchScore {

@@ -16,13 +16,13 @@
 //! judged until its encounter with the ego is over (`sim::Driving`).
 //!
 //! A run in which nobody was set off and nobody staged met the ego is no scenario: it is invalid and has no sub-scores, so
-//! that a program gains no realism where it does nothing.
+//! that a program gains no realism where it does nothing. With `judges_idle` it is judged like others, as the paper has it.
 
 use serde::{Deserialize, Serialize};
 
 use super::super::soft::soft;
 use crate::kernel::num;
-use crate::objects::benchmark::RunRealism;
+use crate::objects::{benchmark::RunRealism, is_unsaid};
 use crate::scene::AgentKind;
 use crate::sim::{ActorConduct, AdversaryReport, Outcome};
 
@@ -107,6 +107,9 @@ pub struct ArsOptions {
     pub distance: DistanceOptions,
     /// Which runs are valid at all.
     pub validity: ValidityOptions,
+    /// True if ARS is over all runs, those that the program does not act in judged by the same sub-scores.
+    #[serde(default, skip_serializing_if = "is_unsaid")]
+    pub judges_idle: bool,
 }
 
 /// The score of a set of runs.
@@ -117,7 +120,7 @@ pub struct Ars {
     pub ars: f64,
     /// Share of the runs that are valid, 0..=1; scenes that could not be run count as invalid.
     pub valid_rate: f64,
-    /// Means over the runs in which the program acted; 0 where there is none.
+    /// Means over the runs that were judged; 0 where there is none.
     pub sub_scores: [f64; 4],
 }
 
@@ -165,7 +168,8 @@ impl BoundedOptions {
 pub fn run_realism(outcome: &Outcome, options: &ArsOptions) -> Option<RunRealism> {
     let driving = outcome.driving.as_ref()?;
     let met = outcome.contact.is_some_and(|contact| contact.adversary);
-    if !met && !driving.actors.iter().any(|conduct| conduct.moved) {
+    let acted = met || driving.actors.iter().any(|conduct| conduct.moved);
+    if !acted && !options.judges_idle {
         return Some(RunRealism { acted: false, valid: false, sub_scores: [0.0; 4] });
     }
     let both: Vec<(&AdversaryReport, &ActorConduct)> = outcome.adversaries.iter().zip(&driving.actors).collect();
@@ -180,7 +184,7 @@ pub fn run_realism(outcome: &Outcome, options: &ArsOptions) -> Option<RunRealism
     let distance = worst(&|report, conduct| distance(report, conduct, &options.distance));
     let valid = both.iter().all(|(report, conduct)| is_valid(report, conduct, &options.validity));
     let interaction = interaction(outcome, &options.interaction);
-    Some(RunRealism { acted: true, valid, sub_scores: [kinematics, map, interaction, distance] })
+    Some(RunRealism { acted, valid, sub_scores: [kinematics, map, interaction, distance] })
 }
 
 fn kinematics(report: &AdversaryReport, conduct: &ActorConduct, options: &KinematicsOptions) -> f64 {
@@ -225,7 +229,7 @@ fn is_valid(report: &AdversaryReport, conduct: &ActorConduct, options: &Validity
     !report.initial_overlap && report.simulated.jump_m <= options.jump_m_max && on_map
 }
 
-/// ARS of a set of runs: validity over all of them times the sub-scores of those in which the program acted. `failures`
+/// ARS of a set of runs: validity over all of them times the sub-scores of those that were judged. `failures`
 /// are scenes that could not be run and count as invalid. `None` without a run.
 pub fn ars(runs: &[RunRealism], failures: usize) -> Option<Ars> {
     if runs.is_empty() {
@@ -234,8 +238,8 @@ pub fn ars(runs: &[RunRealism], failures: usize) -> Option<Ars> {
     let valid = runs.iter().filter(|run| run.valid).count();
     let mut sub_scores = [0.0; 4];
     for (ix, score) in sub_scores.iter_mut().enumerate() {
-        let acted = runs.iter().filter(|run| run.acted);
-        *score = num::mean(&acted.map(|run| run.sub_scores[ix]).collect::<Vec<f64>>()).unwrap_or(0.0);
+        let judged = runs.iter().filter(|run| run.is_judged());
+        *score = num::mean(&judged.map(|run| run.sub_scores[ix]).collect::<Vec<f64>>()).unwrap_or(0.0);
     }
     let valid_rate = valid as f64 / (runs.len() + failures) as f64;
     let weighted = num::sum(WEIGHTS.iter().zip(&sub_scores).map(|(weight, score)| weight * score));

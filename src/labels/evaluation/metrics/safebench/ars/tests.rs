@@ -19,6 +19,7 @@ pub const OPTIONS: ArsOptions = ArsOptions {
     },
     distance: DistanceOptions { start_gap_m: 10.0, apart_gap_m: 1.0, jump_tolerance_m: 1.0 },
     validity: ValidityOptions { jump_m_max: 2.0, off_road_m_max: 5.0 },
+    judges_idle: false,
 };
 
 /// With them every staged contact counts.
@@ -93,6 +94,19 @@ fn a_run_in_which_nobody_is_set_off_is_no_scenario() {
     assert_eq!(run_realism(&waiting, &OPTIONS), Some(nothing), "whom one places but never sets off");
     waiting.contact = Some(contact(4.0));
     assert!(run_realism(&waiting, &OPTIONS).unwrap().acted, "a parked car that the ego drives into is a scenario");
+}
+
+#[test]
+fn an_idle_run_counts_where_all_runs_do() {
+    let options = ArsOptions { judges_idle: true, ..OPTIONS };
+    let judged = run_realism(&outcome(vec![]), &options).unwrap();
+    assert_eq!(judged, RunRealism { acted: false, valid: true, sub_scores: [1.0; 4] });
+    let mut far = outcome(vec![(report(), ActorConduct { moved: false, ..conduct(AgentKind::Vehicle) })]);
+    far.distance_m_min = Some(1000.0);
+    let far = run_realism(&far, &options).unwrap();
+    close(far.sub_scores, [1.0, 1.0, 2.0 / 3.0, 1.0]);
+    let acted = RunRealism { acted: true, valid: true, sub_scores: [0.5, 1.0, 1.0, 1.0] };
+    assert!((ars(&[acted, judged], 0).unwrap().ars - 0.9).abs() < 1e-12, "0.8 of the one and 1 of the other");
 }
 
 #[test]

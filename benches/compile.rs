@@ -1,4 +1,4 @@
-//! What compiling costs: every recorded-traffic family's parent program on the same generated scenes against the IDM
+//! Cost of compiling: every recorded-traffic family's parent program on the same generated scenes against the IDM
 //! ego, one thread. A scene's situation (lane graph, features, the ego's undisturbed rollout, road field) is prepared
 //! beforehand, as a study prepares it once for all programs; motion, search and choice are in the figure.
 

@@ -1,4 +1,4 @@
-//! What a proposal costs besides rollouts and model time: prompts, keys, parsing, gates, compilation on probe scenes,
+//! Cost of a proposal besides rollouts and model time: prompts, keys, parsing, gates, compilation on probe scenes,
 //! routing, archive, lineage, memory, refit of the world evaluator, transcript. The quickstart, replayed with every
 //! answer and rollout at hand in memory.
 

@@ -17,9 +17,9 @@ struct TimeGapDriver {
 
 /// Gap that is kept even when standing, centre to centre, metres.
 const STANDING_GAP_M: f64 = 7.0;
-/// How strongly a wrong speed is corrected, 1/s.
+/// Gain by which a wrong speed is corrected, 1/s.
 const SPEED_GAIN_1PS: f64 = 0.8;
-/// How far ahead on the route the driver aims, metres.
+/// Distance ahead on the route at which the driver aims, metres.
 const AIM_M: f64 = 6.0;
 /// Distance between the axles that the steering law assumes, metres.
 const WHEELBASE_M: f64 = 2.7;

@@ -1,4 +1,4 @@
-//! A metric of one's own: how near a rollout came to a collision, from 0 (nobody came near) to 1 (contact).
+//! A metric of one's own: the nearness of a rollout to a collision, from 0 (nobody came near) to 1 (contact).
 //! It is a pure function of an outcome. It is printed beside the attack metric for scenes that CAT attacks.
 //!
 //! `cargo run --example own_metric`
@@ -16,7 +16,7 @@ use evodrive::objects::FamilyName;
 use evodrive::sim::{ContactClass, Outcome, rollout};
 use evodrive::synth::{SynthOptions, WorldKind, pool_member};
 
-/// What the metric needs besides the outcome. An experiment would give it in its file; nothing has a default in code.
+/// Options of the metric. An experiment would give them in its file; nothing has a default in code.
 struct NearMissOptions {
     /// Gaps from this one on count as harmless, box to box, metres.
     gap_m_harmless: f64,

@@ -117,7 +117,7 @@ fn source_files() -> Vec<(String, String)> {
     .collect()
 }
 
-/// What marks an item that no user's build contains: tests, and what the engine shows to tests of the crate above it.
+/// Marks of an item that no user's build contains: tests, and what the engine shows to tests of the crate above it.
 const FOR_TESTS: [&str; 2] = ["#[cfg(test)]", "#[cfg(any(test, feature = \"fixtures\"))]"];
 
 /// Files that exist for tests only: they may import what they test against.
@@ -284,7 +284,7 @@ fn effects_stay_at_their_addresses() {
     assert!(strayed.is_empty(), "effects out of place:\n{}", strayed.join("\n"));
 }
 
-/// What removes folders in scripts and in Python: a shell's own scratch folder, from the same file, and nothing in what users install.
+/// Scripts and Python remove no folder but a shell's own scratch folder, made in the same file; what users install removes none.
 #[test]
 fn scripts_remove_no_folder_but_their_own_scratch() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -299,7 +299,7 @@ enum Change {
     Node(u16, u8, usize),
 }
 
-/// What breaks parsers.
+/// Words that break parsers.
 const WORDS: [&str; 26] = [
     "1e999",
     "-1",
@@ -481,7 +481,7 @@ fuzzed! {
     changed_weights_are_read_or_refused: "weights",
 }
 
-/// Whether a seed is whole.
+/// Test of whether a seed is whole.
 type IsRead = fn(&[u8]) -> bool;
 
 #[test]

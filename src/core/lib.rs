@@ -1,5 +1,5 @@
-//! What determinism and records rest on, and the nouns: float functions, random streams and canonical bytes, all disk, scenes
-//! recorded or generated, and what travels between the rooms above.
+//! Basis of determinism and records, and the nouns: float functions, random streams and canonical bytes, all disk access, scenes
+//! recorded or generated, and the types that travel between the rooms above.
 
 #![forbid(unsafe_code)]
 

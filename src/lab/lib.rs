@@ -1,4 +1,4 @@
-//! What is made of recorded runs: the report, tables, figures and the claims of the paper.
+//! Outputs made from recorded runs: the report, tables, figures and the claims of the paper.
 
 #![forbid(unsafe_code)]
 

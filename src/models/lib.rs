@@ -1,4 +1,4 @@
-//! Who proposes: requests to models, their keys and cassettes, the agents and their questions, and the scripted stand-in.
+//! Proposals and who makes them: requests to models, their keys and cassettes, the agents and their questions, and the scripted stand-in.
 //!
 //! Nothing here knows what became of a proposal.
 

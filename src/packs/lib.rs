@@ -1,4 +1,4 @@
-//! Files that travel: frozen suites for planners and what came of them, and a run as one bundle.
+//! Files that travel: frozen suites for planners and their results, and a run as one bundle.
 
 #![forbid(unsafe_code)]
 

@@ -1,4 +1,4 @@
-//! What an epoch decides with: the Pareto archive, lineages, memory and the world evaluator.
+//! Means by which an epoch decides: the Pareto archive, lineages, memory and the world evaluator.
 //!
 //! Nothing here simulates, asks a model or keeps a record.
 

@@ -1,4 +1,4 @@
-//! What the recorded rollouts of MetaDrive say about the moment of a contact: the state of two road users who are about to collide.
+//! MetaDrive's recorded rollouts at the moment of a contact: the state of two road users who are about to collide.
 
 use crate::harness::home;
 use evodrive::backend::{Answer, RolloutCassette};
@@ -45,7 +45,7 @@ fn the_boxes_that_bullet_collided_touch_at_that_moment() {
         assert_eq!(boxes.ego, [4.515, 1.852]);
         let row = rollout.ego.len() - 1;
         let other = rollout.actors.iter().find(|actor| actor.who == contact.with).and_then(|actor| actor.at(row));
-        // Who is not told follows a recording, which is not in the cassette.
+        // A road user that is not told follows a recording, which is not in the cassette.
         let (Some(other), ActorRef::Track(_)) = (other, contact.with) else { continue };
         let ego = &rollout.ego[row];
         let sized = |pose: &evodrive::sim::Pose, [length_m, width_m]: [f64; 2]| {

@@ -1,5 +1,5 @@
 //! Programs written by hand: begun from a family's parent, changed in an editor or by a command, checked, compared, played, evolved
-//! from; and what does not fit costs nobody their text.
+//! from; nobody loses a text that does not fit.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! What daily work rests on: values on the command line, comparisons, lists, completions and manual pages, and what a
+//! Basics of daily work: values on the command line, comparisons, lists, completions and manual pages, and what a
 //! recording may write over.
 
 use std::collections::BTreeSet;
@@ -145,7 +145,7 @@ fn seeds_that_both_runs_have_are_pooled_and_one_seed_is_compared_with_its_like()
     assert!(text.contains("with 3 of 3 it may be down to 0.368"), "{text}");
 }
 
-/// What the test puts behind an example: a shorter run.
+/// Arguments that the test puts behind an example: a shorter run.
 const FEWER: [&str; 3] = ["--set", "budget.epochs=1", "--no-report"];
 
 /// Commands with `--set` that a page shows in a block of its own, or the help at its end, each once.
@@ -167,8 +167,8 @@ fn examples_of_set() -> BTreeSet<String> {
     found
 }
 
-/// In a folder that has of a clone what the quickstart needs. Behind what is typed stand fewer epochs: the answers of the first one are
-/// those of the cassette whatever comes after it.
+/// Runs in a folder with only those files of a clone that the quickstart needs. Fewer epochs stand behind what is typed: the answers of
+/// the first one are those of the cassette, whatever comes after it.
 #[test]
 fn every_example_of_set_works_as_it_is_typed() {
     let folder = tempfile::tempdir().unwrap();

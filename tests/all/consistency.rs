@@ -5,14 +5,14 @@ use serde_json::Value;
 
 use crate::harness::{Ran, evodrive, shared, skip};
 
-/// What the import of files answers, and the pool in `folder`.
+/// Imports files into the pool in `folder` and returns the answer.
 fn imported(folder: &std::path::Path, paths: &[&std::path::Path], more: &[&str]) -> Value {
     let mut command = evodrive();
     command.args(["scenes", "import", "--json", "--overwrite", "--out"]).arg(folder.join("s.pool")).args(paths);
     serde_json::from_str(&Ran::of(command.args(more)).stdout).unwrap()
 }
 
-/// What `scenes check` says of the pool in `folder`.
+/// Returns what `scenes check` says of the pool in `folder`.
 fn checked(folder: &std::path::Path, more: &[&str]) -> String {
     Ran::of(evodrive().args(["scenes", "check"]).arg(folder.join("s.pool")).args(more)).stdout
 }
@@ -22,7 +22,7 @@ fn told(answer: &Value) -> Vec<String> {
     parts.map(|part| format!("{}: {}", part["what"].as_str().unwrap(), part["reason"].as_str().unwrap())).collect()
 }
 
-/// How many road users contradict each check.
+/// Returns the number of road users that contradict each check, where there are any.
 fn contradicting(answer: &Value) -> Vec<(String, usize)> {
     let checks = answer["consistency"].as_array().unwrap().iter();
     let each =

@@ -1,4 +1,4 @@
-//! What every reader says of a file that is missing, empty, cut, changed, a folder or not to be read: the exit code, the file, and what
+//! Answers of every reader to a file that is missing, empty, cut, changed, a folder or not to be read: the exit code, the file, and what
 //! to do.
 
 use std::path::Path;

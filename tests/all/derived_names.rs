@@ -1,4 +1,4 @@
-//! A name that a command derives may be that of somebody's file or folder: it stays, and the command takes another name or says why
+//! A name that a command derives may belong to a file or folder of the user's: that stays, and the command takes another name or says why
 //! it cannot.
 
 use std::path::Path;

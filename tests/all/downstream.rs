@@ -55,8 +55,8 @@ fn each_recorded_study_gives_its_table_and_figure() {
     }
 }
 
-/// What the sets are is decided by scenes and programs alone: it stands in a file before the first training, is the same
-/// after a training that saw other scenes, and stays so when the trainings change.
+/// Scenes and programs alone decide the sets: they stand in a file before the first training, are the same after a training
+/// that saw other scenes, and stay so when the trainings change.
 #[test]
 fn sets_are_fixed_before_any_training_and_by_nothing_that_is_learned() {
     let folder = tempfile::tempdir().unwrap();

@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use crate::backends::{experiment, worker};
 use crate::harness::{Ran, evodrive, folder_below, home, skip, text};
 
-/// What an entrance does with the bad input of a check: nothing where it is refused as it should be, else what was seen.
+/// Sends an entrance the bad input of a check: returns nothing where it is refused as it should be, else what was seen.
 type Trial = fn(&Path) -> Result<(), String>;
 
 /// Entrance, check, trial. Those of Python are carried out in Python.
@@ -98,7 +98,7 @@ fn refused(ran: &Ran, code: i32, words: &[&str]) -> Result<(), String> {
     }
 }
 
-/// What acts on a terminal is printed as its number.
+/// Checks that characters that act on a terminal are printed as their numbers.
 fn shown(ran: &Ran, escaped: &str) -> Result<(), String> {
     let all = format!("{}{}", ran.stdout, ran.stderr);
     if all.contains(['\u{202e}', '\u{1b}']) || !all.contains(escaped) {
@@ -182,7 +182,7 @@ fn many_jobs(dir: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// What `scenes import` does with a scene of this name in which somebody drives so far a metre is.
+/// Runs `scenes import` on a scene of this name in which the numbers of somebody's drive are scaled by `metre`.
 fn imported(dir: &Path, metre: f64, name: &str) -> Ran {
     let object = |id: i64, x: f64| {
         json!({
@@ -250,7 +250,7 @@ fn heavy_toml(dir: &Path) -> Result<(), String> {
     refused(&here(dir, &["run", "heavy.toml"]), 2, &["bytes of memory"])
 }
 
-/// What `run` does with an experiment that has a key of this name.
+/// Runs an experiment that has a key of this name.
 fn keyed(dir: &Path, key: &str) -> Ran {
     let path = experiment(dir, "mine", &format!("[memory]\n\"{key}\" = 1"));
     here(dir, &["run", path.to_str().unwrap()])
@@ -269,7 +269,7 @@ fn request(change: impl FnOnce(&mut Scene)) -> Vec<u8> {
     asked.to_string().into_bytes()
 }
 
-/// What a worker does with a line.
+/// Sends a line to a worker and returns its output.
 fn asked(line: &[u8]) -> Ran {
     let mut started = evodrive();
     started.arg("worker").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());

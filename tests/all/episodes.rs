@@ -1,4 +1,4 @@
-//! An episode that is driven from outside comes to what a rollout comes to, bit for bit: every family's parent, both
+//! An episode that is driven from outside gives what a rollout gives, bit for bit: every family's parent, both
 //! protocols, every kind of driver, borrowed and shared, with everything kept and with nothing.
 
 use evodrive::compiler::{Prepared, Situation};

@@ -69,7 +69,7 @@ fn options() -> MetadriveOptions {
     }
 }
 
-/// What the shipped experiments say.
+/// Returns the options of the shipped experiments.
 fn attack_options() -> AttackOptions {
     use ContactClass::*;
     AttackOptions {
@@ -317,7 +317,7 @@ fn objectives_are_means_over_labelled_scenes_and_failures_are_listed() {
     );
 }
 
-/// What a program that never changes anything leaves behind, though the ego runs into someone.
+/// Returns the record of a program that never changes anything, though the ego runs into someone.
 fn idle(scene: &str) -> RolloutRecord {
     let mut record = labelled(scene, true);
     record.outcome.adversaries[0].acted = false;

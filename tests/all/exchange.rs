@@ -169,7 +169,7 @@ fn a_models_name_is_held_to_the_letters_of_run_names() {
     assert_eq!(left, ["named.toml"], "nothing is written");
 }
 
-/// What a recording did that has a question of each of its three lineages open: the folder of its questions.
+/// Stops a recording that has a question of each of its three lineages open; returns the experiment and the folder of its questions.
 #[cfg(unix)]
 fn asking(dir: &Path) -> (PathBuf, PathBuf) {
     let roles = "[roles]\nactor = \"me\"\n[models.me]\n";
@@ -245,7 +245,7 @@ impl Drop for Waiting {
     }
 }
 
-/// What the stand-in would answer to a question that lies in a folder.
+/// Returns what the stand-in would answer to a question that lies in a folder.
 fn stand_in(question: &Path, seed: u32) -> Vec<u8> {
     let text = std::fs::read_to_string(question.with_extension("json")).unwrap();
     let asked: serde_json::Value = serde_json::from_str(&text).unwrap();

@@ -491,7 +491,7 @@ fn init_writes_a_short_file_for_every_family_that_is_read_outside_the_repository
     assert!(code == 2 && text.contains("did you mean `cat`?"), "{text}");
 }
 
-/// Of the scenes that a protocol generates enough can be used for its own split.
+/// Enough of the scenes that a protocol generates can be used for its own split.
 #[test]
 fn a_protocol_has_scenes_enough_for_its_split() {
     let threads = Threads::new(2).unwrap();

@@ -1,4 +1,4 @@
-//! What makes KING and STRIVE those methods, on generated worlds; and that any legal program of any family compiles on
+//! Features that make KING and STRIVE those methods, on generated worlds; and that any legal program of any family compiles on
 //! any legal scene or names the constraint that failed.
 
 use std::sync::{Arc, OnceLock};
@@ -195,7 +195,7 @@ fn kings_costs_of_road_and_bystanders_bind() {
 #[test]
 fn kings_gradient_reaches_smaller_losses_than_actions_drawn_at_random_with_the_same_budget() {
     let iterations = 60;
-    // As far as Adam's steps reach together.
+    // The distance that Adam's steps can reach together.
     let spread = 0.005 * iterations as f64;
     let prepared: Vec<(&Situation, Vec<Part>)> =
         situations().iter().take(WorldKind::ALL.len()).map(|s| (s, opened("king", s))).collect();

@@ -1,4 +1,4 @@
-//! What makes the families that choose among candidates those methods: with a toy in the place of a mechanism, on the same
+//! Mechanisms that make the families that choose among candidates those methods: with a toy in the place of one, on the same
 //! scenes, what the mechanism is for gets worse.
 
 use std::sync::OnceLock;
@@ -30,7 +30,7 @@ fn with_number(mut program: Program, name: &str, value: f64) -> Program {
     program
 }
 
-/// With an expression in the place of the search's own score.
+/// Puts an expression in the place of the search's own score.
 fn with_score(mut program: Program, slot: &str, expression: &str) -> Program {
     let reads = |name: &&str| expression.contains(*name);
     let inputs = ["prior_log_probability", "collision_likelihood"].iter().filter(|name| reads(name));
@@ -48,7 +48,7 @@ fn with_score(mut program: Program, slot: &str, expression: &str) -> Program {
     program
 }
 
-/// With a candidate drawn at random in the place of the best one.
+/// Puts a candidate drawn at random in the place of the best one.
 fn drawn_at_random(mut program: Program) -> Program {
     let choice = program.operator_graph.get_mut("choice").unwrap();
     choice.kind = "soft_choice".into();
@@ -56,7 +56,7 @@ fn drawn_at_random(mut program: Program) -> Program {
     program
 }
 
-/// What a program makes of every scene, and how it ends.
+/// Returns what a program makes of every scene, and how it ends.
 fn played(program: &Program, seed: u64) -> Vec<(Compiled, Outcome)> {
     let sources = sources();
     let prepared = Prepared::new(program, sources.get(&program.source_family).unwrap()).unwrap();

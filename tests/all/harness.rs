@@ -1,4 +1,4 @@
-//! What several tests need: the binary and what it printed, files of this repository, data that may lie beside it.
+//! Tools that several tests need: the binary and what it printed, files of this repository, data that may lie beside it.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -59,7 +59,7 @@ pub fn events(run: &Path) -> Vec<Value> {
     text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
-/// What a report's script draws: the story, and the scenes that it plays.
+/// Returns what a report's script draws: the story, and the scenes that it plays.
 pub fn report_data(page: &str) -> Value {
     let (_, rest) = page.split_once("<script id=\"data\" type=\"application/json\">").expect("the data");
     let (data, _) = rest.split_once("</script>").expect("the data's end");
@@ -92,7 +92,7 @@ pub fn copy_dir(from: &Path, to: &Path) {
     }
 }
 
-/// What a command printed and how it ended.
+/// Output of a command, and how it ended.
 pub struct Ran {
     pub code: i32,
     pub stdout: String,

@@ -1,4 +1,4 @@
-//! What programs can say: laws as patches, ways that part and meet, and what a candidate would do.
+//! Expressiveness of programs: laws as patches, ways that part and meet, and what a candidate would do.
 
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -60,7 +60,7 @@ fn shipped(name: &str) -> Vec<Operation> {
 const LAWS: [&str; 4] =
     ["brake_ahead.json", "go_when_it_commits.json", "wait_for_the_ego.json", "yield_to_others.json"];
 
-/// What a program makes of a scene.
+/// Returns what a program makes of a scene.
 fn built(family: &Source, program: &Program, situation: &Situation) -> Compiled {
     let prepared = Prepared::new(program, family).unwrap_or_else(|error| panic!("{error}"));
     prepared.compile(situation, Seed(1)).unwrap_or_else(|error| panic!("{error}"))
@@ -326,7 +326,7 @@ fn harm_is_what_a_candidate_adds_to_the_actors_own_record() {
     assert!(beside > 5.0 && wrong > 20.0, "{beside} {wrong}");
 }
 
-/// What realism's route completion measures of the simulated motion, foreseen: by the end, and by the contact.
+/// Checks that a candidate foresees the quantity of realism's route completion: at the end, and at the contact.
 #[test]
 fn the_share_of_the_logged_way_is_that_of_the_place_at_the_contact_or_the_end() {
     let share = |candidate: Vec<Option<Sample>>| {

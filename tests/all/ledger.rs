@@ -1,4 +1,4 @@
-//! What a run folder's seal covers: each loss and each change of a file is found, named, and never taken for a finished run.
+//! Coverage of a run folder's seal: each loss and each change of a file is found, named, and never taken for a finished run.
 
 use std::path::{Path, PathBuf};
 
@@ -171,7 +171,7 @@ fn one_more_line_feed_in_the_result_means_nothing_to_any_command() {
     }
 }
 
-/// Writes a run's pool anew with other words about its scenes, as somebody would who wants nobody to notice.
+/// Writes a run's pool anew with other words about its scenes, as somebody would do to hide the change.
 fn retold(folder: &Path, change: impl Fn(&mut evodrive::scene::Pool)) {
     let path = folder.join("scenes.pool");
     let mut pool = evodrive::scene::pool::decode("scenes.pool", &std::fs::read(&path).unwrap()).unwrap();
@@ -179,7 +179,7 @@ fn retold(folder: &Path, change: impl Fn(&mut evodrive::scene::Pool)) {
     std::fs::write(&path, evodrive::scene::pool::encode(&pool)).unwrap();
 }
 
-/// What `fsck --read`, `check`, `verify` and `bundle create` say of a folder that was changed: all of them refuse it.
+/// Checks that `fsck --read`, `check`, `verify` and `bundle create` all refuse a folder that was changed.
 fn refused_by_all(folder: &Path, word: &str) {
     let bundle = folder.with_extension("evodrive");
     let out = ["--out", bundle.to_str().unwrap(), "--run"];

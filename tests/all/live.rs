@@ -720,7 +720,7 @@ fn by_rules(asked: &Received) -> Option<Reply> {
     Some(Reply::json(said))
 }
 
-/// What each answer by rules is said to have taken.
+/// Tokens that each answer by rules is said to have taken.
 const RULES: Tokens = Tokens::new(12_000, 1_000);
 
 struct Place {

@@ -40,13 +40,13 @@ const COMMANDS: &[(&str, &str, &str)] = &[
     ("shard merge", "", ""),
 ];
 
-/// What can be done once only; `shards` names its run.
+/// Command that can be given only once; `shards` names its run.
 const ONCE: &str = "shard withdraw";
 
-/// Take any number of runs beside other things, and so as an option alone.
+/// Commands that take any number of runs beside other things, and so as an option alone.
 const OPTION_ALONE: [&str; 2] = ["suite freeze", "transfer"];
 
-/// Those that set two runs side by side.
+/// Commands that set two runs side by side.
 const OF_TWO: [&str; 3] = ["compare", "diff", "agree"];
 
 fn recorded() -> &'static Recorded {

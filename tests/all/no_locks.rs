@@ -1,4 +1,4 @@
-//! Disks whose mount gives no file locks. Without those of fcntl a run goes on, told once, and still keeps a second writer out; where
+//! Disks whose mount gives no file locks. Without fcntl's locks a run goes on, says so once, and still keeps a second writer out; where
 //! no lock is to be had, the error says that and what helps.
 #![cfg(target_os = "linux")]
 
@@ -10,7 +10,7 @@ use evodrive::store::Store;
 use crate::backends::experiment;
 use crate::harness::{Ran, evodrive, folder_below, home, skip};
 
-/// What the library does that stands between a command and the system's locks.
+/// Builds the library that stands between a command and the system's locks; `None` without a C compiler.
 fn preloaded(folder: &Path) -> Option<PathBuf> {
     let library = folder.join("no_locks.so");
     let made = Command::new("cc")

@@ -1,5 +1,5 @@
-//! Work is not lost, and failures leave nothing behind: which run folders stay, what is the latest run, what Ctrl-C does, what
-//! is told from the start.
+//! Work is not lost, and failures leave nothing behind: the run folders that stay, the latest run, the effect of Ctrl-C, and
+//! what is told from the start.
 
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
@@ -237,7 +237,7 @@ fn ctrl_c_ends_a_recording_that_waits_for_a_reply_and_the_question_stays() {
     assert_eq!(files(&moved.join("exchange/me"), ".request.md"), question, "the same question, once");
 }
 
-/// What waits for an answer, and the file that it leaves once the answer was asked for.
+/// An experiment that waits for an answer, and the folder with the file that it leaves once the answer was asked for.
 struct Waits {
     folder: tempfile::TempDir,
     experiment: PathBuf,

@@ -6,7 +6,7 @@ use std::process::Command;
 use crate::backends::experiment;
 use crate::harness::{Ran, evodrive, home, skip};
 
-/// Whether Python is here; its absence is told at the end of `cargo test`.
+/// Returns `true` if Python is here; its absence is told at the end of `cargo test`.
 pub fn python() -> bool {
     let there = Command::new("python3").arg("--version").output().is_ok_and(|ran| ran.status.success());
     if !there {

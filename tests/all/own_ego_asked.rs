@@ -9,7 +9,7 @@ use crate::backends::experiment;
 use crate::harness::{Ran, events, evodrive, folder_below};
 use crate::own_ego::{copied, driver, python};
 
-/// It steers by the numbers of the observation, abandons scenes with an odd number under programs, and writes down what it was told.
+/// Planner that steers by the numbers of the observation, abandons odd scenes under programs, and writes down what it was told.
 const PLANNER: &str = r#"
 import json, os
 from evodrive_driver import Abandon, Action, serve
@@ -36,7 +36,7 @@ class Asks:
 serve(Asks())
 "#;
 
-/// What each process of the planner wrote.
+/// Returns the file that each process of the planner wrote.
 fn own(folder: &Path) -> Vec<PathBuf> {
     let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     files.filter(|path| path.file_name().unwrap().to_str().unwrap().starts_with("told-")).collect()

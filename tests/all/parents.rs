@@ -1,4 +1,4 @@
-//! What every family's parent commands, pinned: the language may grow, published methods stay as they are. And nothing that
+//! Commands of every family's parent, pinned: the language may grow, published methods stay as they are. And nothing that
 //! a parent says is without effect.
 
 use evodrive::adapters::Domain;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 use crate::worlds;
 
-/// What a program commands in a scene.
+/// Returns what a program commands in a scene.
 fn commanded(family: &Source, program: &Program, situation: &Situation) -> Intervention {
     let compiled = Prepared::new(program, family).unwrap().compile(situation, Seed(1));
     compiled.map(|compiled| compiled.intervention).unwrap_or_default()
@@ -95,7 +95,7 @@ fn edits(family: &Source) -> Vec<(String, Vec<Program>)> {
     edits
 }
 
-/// What changes nothing in these scenes: `combine` without a score of the program's own, `otherwise` where a vehicle is marked,
+/// Parts that change nothing in these scenes: `combine` without a score of the program's own, `otherwise` where a vehicle is marked,
 /// what asks for counsel, ranges of templates that are not drawn at these seeds, and weights that the parents' searches outweigh.
 const IDLE: [&str; 32] = [
     "adv_bmt search.combine",

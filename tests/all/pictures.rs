@@ -48,7 +48,7 @@ fn lines(svg: &str) -> Vec<Line> {
     lines
 }
 
-/// What is wrong with a picture.
+/// Returns the faults of a picture.
 fn faults(svg: &str) -> Vec<String> {
     let leaves = |line: &Line| line.reach[0] < line.room[0] - 1.0 || line.reach[1] > line.room[1] + 1.0;
     let cut = |line: &Line| line.text.ends_with("...") || line.text.ends_with('…');

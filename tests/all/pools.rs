@@ -57,7 +57,7 @@ fn pools_are_merged_split_filtered_and_checked() {
     assert_eq!(open.union(&closed).cloned().collect::<BTreeSet<_>>(), usable);
     assert_eq!(cut("1", "a.pool", "b.pool"), [open.clone(), closed.clone()]);
     assert_ne!(cut("2", "a.pool", "b.pool")[1], closed);
-    // By a tag: who has it is held out, and nobody else.
+    // By a tag: the scenes that have it are held out, and no others.
     let args = ["scenes", "split", "both.pool", "--tag", "light", "--out", "a.pool", "--held-out-to", "b.pool"];
     well(folder, &[args.as_slice(), &["--overwrite"]].concat());
     let lit = well(folder, &["scenes", "list", "both.pool", "--tag", "light", "--usable"]);

@@ -78,7 +78,7 @@ fn a_missing_answer_ends_with_its_own_exit_code_and_names_slot_role_and_nearest_
     }
 }
 
-/// How an object's record begins in a pack (docs/FORMAT.md), and a place behind its header.
+/// Beginning of an object's record in a pack (docs/FORMAT.md), and a place behind its header.
 const OBJECT: &[u8] = b"EVOBJCT1";
 const IN_OBJECT: usize = 60;
 

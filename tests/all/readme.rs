@@ -9,11 +9,11 @@ use crate::harness::{home, text};
 /// Digits that belong to a name, a definition or a typed command and are no result.
 const NAMES: [&str; 4] = ["2-D simulator", "is 1 where motion", "--top 5", "Apache 2.0"];
 
-/// What the README's first command prints, and what the tests' own run does.
+/// Output of the README's first command, and of the tests' own run.
 const FINDING: &str = "golden/finding.txt";
 const QUICKSTART: &str = "golden/quickstart.txt";
 
-/// What the golden of a run prints of each lineage, with the line that names the columns: the recorded scenes, then a line
+/// Returns what the golden of a run prints of each lineage, with the line that names the columns: the recorded scenes, then a line
 /// for a parent and one for the program that was chosen.
 fn table(golden: &str) -> Vec<String> {
     let golden = text(golden);
@@ -68,7 +68,7 @@ fn before<'t>(text: &'t str, word: &str) -> &'t str {
     head.rsplit([' ', ',']).find(|part| !part.is_empty()).unwrap()
 }
 
-/// What stands behind `key` on the first line that begins with it, without a quote.
+/// Returns what stands behind `key` on the first line that begins with it, without a quote.
 fn value(file: &str, key: &str) -> String {
     let text = text(file);
     let found = text.lines().find_map(|line| line.strip_prefix(key));
@@ -103,7 +103,7 @@ fn pieces() -> Vec<String> {
     ]
 }
 
-/// What paper/README.md must say of the stand-in: the verdicts on the paper's claims, and all twenty seeds of the tests' own run.
+/// Returns what paper/README.md must say of the stand-in: the verdicts on the paper's claims, and all twenty seeds of the tests' own run.
 fn of_the_stand_in() -> Vec<String> {
     let (claims, seeds) = (text("golden/paper/claims.md"), seeds());
     let head = claims.lines().find(|line| line.contains(" claims: ")).unwrap();
@@ -126,7 +126,7 @@ fn of_the_stand_in() -> Vec<String> {
     rows.chain([verdicts, "chosen of twenty by its gain".into(), "Only ADV-BMT gains".into()]).collect()
 }
 
-/// What is wrong with the numbers of a README.
+/// Returns the faults in the numbers of a README.
 fn faults(readme: &str, pieces: &[String]) -> Vec<String> {
     let mut rest = readme.to_string();
     let mut faults = Vec::new();

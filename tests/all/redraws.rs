@@ -182,7 +182,7 @@ fn redrawn(named: &str, programs: usize, differ: bool) -> Redrawn {
     redraw.play(&Threads::new(2).unwrap()).unwrap().1
 }
 
-/// Who does in every scene what the parent does draws nothing, and neither does the parent in its place.
+/// A program that does in every scene what the parent does draws nothing, and neither does the parent in its place.
 #[test]
 fn programs_that_are_alike_in_effect_share_a_draw() {
     let alike = redrawn("", 3, false);

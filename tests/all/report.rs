@@ -1,4 +1,4 @@
-//! What the report tells of runs of any size.
+//! Contents of the report on runs of any size.
 
 use evodrive::archive::SelectorOptions;
 use evodrive::evidence::RecordedRun;
@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::harness::report_data;
 use crate::quickstart::finished;
 
-/// As in the quickstart.
+/// The quickstart's selector.
 const SELECTOR: SelectorOptions = SelectorOptions::at(0.95, 0.05);
 
 fn page(run: &RecordedRun, stage: &Stage) -> String {
@@ -34,7 +34,7 @@ fn quickstart() -> RecordedRun {
     RecordedRun::read(&read_events(&finished().1.join("transcript.jsonl")).unwrap()).unwrap()
 }
 
-/// What stands in the page before its data: a reader has it at once, and without a script.
+/// Returns the part of the page before its data: a reader has it at once, and without a script.
 fn first_screen(page: &str) -> &str {
     page.split_once("<script id=\"data\"").expect("the data").0
 }
@@ -219,8 +219,8 @@ fn a_badge_says_no_more_than_what_was_looked_at() {
     assert!(first_screen(&page(&run, &Stage::default())).contains("The run is not finished"));
 }
 
-/// A page of ten thousand whole stories has forty megabytes: of a large run only accepted attempts are told in full. None is left
-/// out, and what the charts draw of one is the same.
+/// A page of ten thousand whole stories has forty megabytes, so only the accepted attempts of a large run are told in full. None is left
+/// out, and the charts draw the same of each.
 #[test]
 fn attempts_of_a_large_run_are_told_in_short_but_for_the_accepted_ones() {
     let mut run = quickstart();

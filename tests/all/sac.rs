@@ -228,7 +228,7 @@ mod cart {
     }
 }
 
-/// How much of the way from doing nothing to the best law was learned.
+/// Returns the share of the way from doing nothing to the best law that was learned.
 fn share([learned, best, nothing]: [f64; 3]) -> f64 {
     (learned - nothing) / (best - nothing)
 }

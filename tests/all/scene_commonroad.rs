@@ -107,7 +107,7 @@ fn every_truncation_is_refused_by_place() {
     }
 }
 
-/// What is said of a fixture in which one text is replaced everywhere: why it is refused, or what is left out.
+/// Returns what is said of a fixture in which one text is replaced everywhere: why it is refused, or what is left out.
 fn refused(name: &str, from: &str, to: &str) -> String {
     let text = fixture(name);
     assert!(text.contains(from), "{from}");

@@ -235,7 +235,7 @@ fn order_of(element: &str) -> &'static [&'static str] {
     }
 }
 
-/// What the schema asks for, apart from types of texts: order, ids, references, times.
+/// Checks what the schema asks for, apart from types of texts: order, ids, references, times.
 fn check_structure(root: Element<'_>, name: &str) {
     let mut ids = BTreeSet::new();
     let mut open = vec![root];

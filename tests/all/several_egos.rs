@@ -215,7 +215,7 @@ fn a_matrix_has_in_each_column_what_applying_to_that_driver_gives() {
     assert!(unknown.code == 2 && unknown.stderr.contains("pdm"), "{}", unknown.stderr);
 }
 
-/// What is kept is of what was simulated: other draws in the same folder come to what they come to in an empty one.
+/// Kept work depends on what was simulated: other draws in the same folder come to what they come to in an empty one.
 #[test]
 fn a_hardening_that_goes_on_in_a_folder_is_that_of_an_empty_one() {
     let folder = tempfile::tempdir().unwrap();

@@ -142,7 +142,7 @@ fn another_simulators_rollouts_are_recorded_by_shards_and_replayed_without_it() 
     assert_eq!(cold.root(), study.root);
 }
 
-/// What was done to a result or a shard, with the exit code and what the refusal says.
+/// Harm to a result or a shard: its name, the change, the exit code and what the refusal says.
 type Harm = (&'static str, fn(&str) -> String, i32, &'static str);
 
 fn without_last_task(text: &str) -> String {
@@ -277,7 +277,7 @@ fn a_killed_worker_loses_nothing() {
     assert_eq!(study.run().0, study.root);
 }
 
-/// Makes up a record of a result: another ego's motion, with its own digest, as whoever lies would. The task that it is of.
+/// Forges a record of a result: another ego's motion with its own digest, as a liar would write it. Returns the record's task.
 fn made_up(result: &Path) -> String {
     let text = std::fs::read_to_string(result).unwrap();
     let line = text.lines().find(|line| line.contains("\"outcome\"")).expect("a rollout's record");

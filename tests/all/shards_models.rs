@@ -35,7 +35,7 @@ with open(log, "a") as said:
 sys.stdout.write(json.load(open(os.path.join(here, "answers.json")))[key])
 "#;
 
-/// What the stand-in answers in the small study, as the table that the program reads.
+/// Returns what the stand-in answers in the small study, as the table that the program reads.
 fn answers() -> &'static str {
     static ANSWERS: OnceLock<String> = OnceLock::new();
     ANSWERS.get_or_init(|| {

@@ -78,7 +78,7 @@ fn messages_of_typical_mistakes() {
     insta::assert_snapshot!("mistakes", printed);
 }
 
-/// What the page's script draws, but for what it cost, which is another in every run: the scalars, the findings, and of
+/// The data that the page's script draws, but for the cost, which differs in every run: the scalars, the findings, and of
 /// each list its first element.
 #[test]
 fn data_of_the_report() {

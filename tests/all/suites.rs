@@ -113,7 +113,7 @@ fn a_suite_is_the_same_for_any_number_of_threads_and_its_labels_come_again() {
     assert!(json(&still)["totals"][0]["completion"]["value"].as_f64().unwrap() < 0.2);
 }
 
-/// Who reacts to the ego reacts to the driver under test: the intervention travels, not only tracks.
+/// A road user that reacts to the ego reacts to the driver under test: the intervention travels, not only tracks.
 #[test]
 fn reactive_skills_travel_and_meet_whoever_drives() {
     let suite = evodrive::suite::decode("s", &unpacked(&shared().path("one.suite"))).unwrap().suite;
@@ -609,7 +609,7 @@ fn scenes_of_a_suite_are_listed_shown_and_exported() {
     assert_eq!(exported["scenes"].as_array().unwrap().len(), 1, "{exported}");
 }
 
-/// In the shipped suite 21 of 31 crossings are staged for SafeBench, where no planner plays: such a pair came to 69 and 68 crashes there.
+/// 21 of 31 crossings of the shipped suite are staged for SafeBench, where no planner plays: such a pair had 69 and 68 crashes there.
 #[test]
 fn a_planner_that_ignores_crossing_traffic_is_told_apart_from_its_mend_by_a_suite_of_crossings() {
     if !python() {
@@ -658,7 +658,7 @@ fn a_planner_that_ignores_crossing_traffic_is_told_apart_from_its_mend_by_a_suit
 const CROSSING_PARENTS: [&str; 8] =
     ["--parents", "cat", "--parents", "adv_bmt", "--parents", "llm_attacker", "--parents", "seal"];
 
-/// What mends the example of an IDM where it ignores crossing traffic: where it and another would be at one time, if both went on.
+/// Lines that mend the example of an IDM, which ignores crossing traffic: where it and another would be at one time, if both went on.
 const MEND: &str = r#"        for other in step["neighbours"]:
             for t in (0.4, 0.8, 1.2, 1.6, 2.0):
                 place = [p + t * u for p, u in zip(other["position"], other["velocity"])]
@@ -687,7 +687,7 @@ fn the_shipped_suite_holds_every_family_and_its_leaderboard_is_the_golden_one() 
     }
 }
 
-/// Beside a result lies what a planner answered, under names that nobody has typed.
+/// The answers of a planner lie beside a result, under names that nobody has typed.
 #[test]
 fn a_folder_or_file_of_somebodys_beside_a_result_stays() {
     if !python() {
@@ -817,7 +817,7 @@ impl Planned {
     }
 }
 
-/// How `suite run --recorded` and `leaderboard --recorded` end, and what the first says.
+/// Returns the exit codes of `suite run --recorded` and `leaderboard --recorded`, and what the first says.
 fn replayed(result: &str) -> (i32, i32, String) {
     let ran = drive(&["--recorded", result, "--max-crash-rate", "1"]);
     let board = run(&["leaderboard", &shared().path("one.suite"), "--recorded", result]);
@@ -1027,7 +1027,7 @@ fn killed(
     most
 }
 
-/// Whether a file is what a killed write leaves beside the file that it was to become: `.NAME.PROCESS-NUMBER.tmp`.
+/// Returns `true` if a file is what a killed write leaves beside the file that it was to become: `.NAME.PROCESS-NUMBER.tmp`.
 fn is_unnamed(path: &Path) -> bool {
     let name = path.file_name().unwrap().to_string_lossy();
     let whole =

@@ -8,7 +8,7 @@ use crate::bundle::imported;
 use crate::harness::{evodrive, home, named_folder, run, write_small};
 use crate::short::{copied, finished};
 
-/// Which command finds it.
+/// Command that finds it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum By {
     /// `fsck --read`, exit code 5.
@@ -21,7 +21,7 @@ enum By {
 struct Class {
     name: &'static str,
     by: By,
-    /// What must be said of it.
+    /// Word that must be said of it.
     word: &'static str,
     how: How,
 }
@@ -32,7 +32,7 @@ enum How {
     /// A change of a file's bytes, the draw with it.
     Bytes(&'static str, fn(&mut Vec<u8>, usize)),
     /// A value of an event of this kind, changed at the first of these places that it has; the chain and the result's file are made
-    /// anew, as somebody would who wants nobody to notice.
+    /// anew, as somebody would do to hide the change.
     Event(&'static str, &'static str),
     /// The same by a change of all events.
     Events(fn(&mut Vec<Said>)),
@@ -276,12 +276,12 @@ impl Class {
         }
     }
 
-    /// Whether a later command finds what the one that should has not: drawn elsewhere, a change may contradict nothing.
+    /// Returns `true` if a later command finds what the one that should has not: drawn elsewhere, a change may contradict nothing.
     fn caught_later(&self, folder: &Path) -> bool {
         self.by == By::Fsck && [4, 5].contains(&run(&["check", folder.to_str().unwrap()]).code)
     }
 
-    /// Whether the command that should find it does, under the right name; else what it said.
+    /// Checks that the command that should find it does, under the right name; else returns what it said.
     fn caught(&self, folder: &Path) -> Result<(), String> {
         let dir = folder.to_str().unwrap();
         let (ran, code) = match self.by {
@@ -324,7 +324,7 @@ fn what_does_not_contradict_itself_is_found_by_deriving_it_again() {
     }
 }
 
-/// How many times each trial of the full form is made: `EVODRIVE_TRIALS`, else 20.
+/// Returns the number of times that each trial of the full form is made: `EVODRIVE_TRIALS`, else 20.
 fn trials() -> usize {
     named_folder("EVODRIVE_TRIALS").and_then(|count| count.to_str()?.parse().ok()).unwrap_or(20)
 }
@@ -346,7 +346,7 @@ fn every_class_of_tampering_is_found_each_time() {
 /// Files of the folder that the seal or the store's own digests speak for.
 const COVERED: [&str; 5] = ["transcript.jsonl", "cassette.jsonl", "scenes.pool", "store/objects.pack", "result.json"];
 
-/// What `fsck --read` says of a folder with one file in place of another, and whether it names the file.
+/// Runs `fsck --read` on a folder with one file in place of another; returns whether it names the file, and what it says.
 fn found(folder: &Path, file: &str, bytes: &[u8]) -> (bool, String) {
     let whole = std::fs::read(folder.join(file)).unwrap();
     std::fs::write(folder.join(file), bytes).unwrap();
@@ -468,7 +468,7 @@ fn clean_copies_raise_no_alarm() {
 
 #[test]
 fn a_run_that_was_derived_from_other_answers_is_sound_and_has_another_root() {
-    // Who makes a whole run anew contradicts nothing; only the root, told by somebody else, shows that it is another one.
+    // Whoever makes a whole run anew contradicts nothing; only the root, if somebody else has told it, shows that it is another run.
     let dir = tempfile::tempdir().unwrap();
     let mut table = crate::short::table();
     table["name"] = "quicker".into();

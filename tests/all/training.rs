@@ -1,4 +1,4 @@
-//! Trainings end in the same weights, whoever carries them out and however often they are stopped.
+//! Trainings end in the same weights, no matter who carries them out and how often they are stopped.
 
 use crate::ego::Setting;
 use crate::kernel::{Digest, Threads};

@@ -1,4 +1,4 @@
-//! From a table's cell down to what it rests on, and from an object up to the cells that rest on it.
+//! Explanations: from a table's cell down to what it rests on, and from an object up to the cells that rest on it.
 
 use evodrive::evaluation::{EvaluationOptions, RolloutRecord, scene_score};
 use evodrive::evidence::impact::{self, How};

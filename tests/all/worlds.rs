@@ -8,13 +8,13 @@ use evodrive::ego::Policy;
 use evodrive::kernel::Seed;
 use evodrive::synth::{SynthOptions, pool_member};
 
-/// What the MetaDrive protocol's file says.
+/// Reads the MetaDrive protocol's file.
 pub fn protocol() -> toml::Table {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/protocols/metadrive.toml");
     std::fs::read_to_string(path).expect("a shipped file").parse().expect("TOML")
 }
 
-/// How its scenes are generated.
+/// Returns the options by which its scenes are generated.
 pub fn options() -> SynthOptions {
     protocol()["scenes"]["options"].clone().try_into().expect("options of generated worlds")
 }

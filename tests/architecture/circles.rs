@@ -55,7 +55,7 @@ pub fn check(files: &[(String, String)]) {
     assert!(idle.is_empty(), "these circles are gone: take them out of the list\n{idle:#?}");
 }
 
-/// Which file uses which file of its own room.
+/// For each file, the files of its own room that it uses.
 struct Graph(BTreeMap<Module, BTreeSet<Module>>);
 
 impl Graph {

@@ -13,7 +13,7 @@ fn defined(text: &str) -> Vec<&str> {
     words.windows(2).filter(|pair| ITEMS.contains(&pair[0])).map(|pair| pair[1]).collect()
 }
 
-/// What is wrong with the rows of a page, given the text of a file below `src`.
+/// Returns the faults in the rows of a page, given the text of a file below `src`.
 fn faults(page: &str, file: &dyn Fn(&str) -> Option<String>) -> Vec<String> {
     let rows = page.lines().filter(|line| line.starts_with("| ") && line.matches('|').count() == 5);
     let mut faults = Vec::new();

@@ -15,7 +15,7 @@ pub struct Digest([u8; 32]);
 pub struct NotADigest(pub String);
 
 impl Digest {
-    /// Digest of plain bytes: what an object is named by.
+    /// Digest of plain bytes: the name of an object.
     pub fn of_bytes(bytes: &[u8]) -> Digest {
         Digest(*blake3::hash(bytes).as_bytes())
     }
@@ -26,7 +26,7 @@ impl Digest {
         Ok(Digest::under(domain, &canonical_bytes(value)?))
     }
 
-    /// The same for canonical bytes that the caller already has.
+    /// Digest under a domain of canonical bytes that the caller already has.
     pub fn under(domain: &str, bytes: &[u8]) -> Digest {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&(domain.len() as u64).to_le_bytes());
@@ -56,7 +56,7 @@ impl Digest {
     }
 }
 
-/// A digest of plain bytes that come piece by piece, and how many they were.
+/// A digest of plain bytes that come piece by piece, and their number.
 #[derive(Clone, Default)]
 pub struct Hashing {
     hasher: blake3::Hasher,

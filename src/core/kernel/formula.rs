@@ -1,11 +1,11 @@
-//! A formula as postfix code: what expressions become, and what the simulator evaluates of them. Evaluation allocates
+//! A formula as postfix code: the compiled form of expressions, which the simulator evaluates. Evaluation allocates
 //! nothing and cannot fail. Truth values are 1 and 0.
 
 use serde::{Deserialize, Serialize};
 
 use super::total;
 
-/// Most values that wait at once.
+/// Most values that wait on the stack at once.
 pub const STACK_MAX: usize = 64;
 /// Room for the values of nearly every formula: it is cleared at every evaluation, so a smaller one costs less.
 const STACK_USUAL: usize = 8;
@@ -20,23 +20,23 @@ pub enum Op {
     Load(usize),
     /// The negative of a value.
     Minus,
-    /// Whether a value is 0.
+    /// True if a value is 0.
     Not,
-    /// Whether one of two values is not 0.
+    /// True if one of two values is not 0.
     Or,
-    /// Whether neither of two values is 0.
+    /// True if neither of two values is 0.
     And,
-    /// Whether the first is less than the second.
+    /// True if the first is less than the second.
     Less,
-    /// Whether the first is at most the second.
+    /// True if the first is at most the second.
     AtMost,
-    /// Whether the first is more than the second.
+    /// True if the first is more than the second.
     More,
-    /// Whether the first is at least the second.
+    /// True if the first is at least the second.
     AtLeast,
-    /// Whether two values are equal.
+    /// True if two values are equal.
     Equal,
-    /// Whether two values differ.
+    /// True if two values differ.
     Unequal,
     /// The sum of two values.
     Plus,
@@ -65,7 +65,7 @@ pub enum Op {
 }
 
 impl Op {
-    /// How many values it takes off the stack.
+    /// Returns the number of values that it takes off the stack.
     fn takes(self) -> usize {
         match self {
             Op::Constant(_) | Op::Load(_) => 0,
@@ -81,7 +81,7 @@ impl Op {
 #[serde(try_from = "Vec<Op>", into = "Vec<Op>")]
 pub struct Formula {
     code: Vec<Op>,
-    /// How many values wait at once at most.
+    /// Largest number of values that wait at once.
     height: usize,
 }
 
@@ -130,7 +130,7 @@ impl Formula {
         self.code.iter().filter_map(|op| if let Op::Load(place) = op { Some(*place) } else { None })
     }
 
-    /// The formula with what stands from place `first` on fixed to these values; places beyond them are 0.
+    /// Returns the formula with the values from place `first` on fixed to these; places beyond them are 0.
     pub fn with_fixed(&self, first: usize, values: &[f64]) -> Formula {
         let fixed = |op: &Op| match *op {
             Op::Load(place) if place >= first => {
@@ -217,7 +217,7 @@ fn of_pair(op: Op, a: f64, b: f64) -> f64 {
         Op::Times => total::bounded(a * b),
         Op::Over => total::divide(a, b),
         Op::Min => a.min(b),
-        // The only one left of those that take two.
+        // The last of the operations that take two values.
         _ => a.max(b),
     }
 }

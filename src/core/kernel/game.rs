@@ -2,34 +2,34 @@
 
 use serde::Serialize;
 
-/// Rows and columns that a game may have: every square part of it is looked at.
+/// Most rows and columns of a game: every square part of it is tried.
 pub const SIDE_MAX: usize = 7;
 /// Largest payoff: determinants of [`SIDE_MAX`] rows stay within 128 bits (Hadamard).
 pub const PAYOFF_MAX: i64 = 10_000;
 
-/// How both play, and what the row player gets.
+/// Strategies of both players, and the payoff of the row player.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Equilibrium {
-    /// Chances of the rows, whose player wants much.
+    /// Chances of the rows, whose player wants a high payoff.
     pub rows: Vec<f64>,
-    /// Chances of the columns, whose player wants little.
+    /// Chances of the columns, whose player wants a low payoff.
     pub columns: Vec<f64>,
-    /// What the row player gets on average.
+    /// Average payoff of the row player.
     pub value: f64,
 }
 
-/// The mixed equilibrium of the game in which the row player gets `payoffs[row][column]` and the column player loses it. By Shapley and
-/// Snow (1950) each extreme equilibrium is that of a square part B of the matrix, with value det B / s and chances 1ᵀ adj B / s and
+/// Returns the mixed equilibrium of the game in which the row player gets `payoffs[row][column]` and the column player loses it. By Shapley
+/// and Snow (1950) each extreme equilibrium is that of a square part B of the matrix, with value det B / s and chances 1ᵀ adj B / s and
 /// adj B 1 / s, where s = 1ᵀ adj B 1. The first part, smaller ones first and in the order of rows and columns, whose equilibrium holds in
-/// the whole game is taken: of equal rows or columns the first plays. `None` of no matrix, one whose rows differ in length, one larger than
-/// [`SIDE_MAX`], or payoffs beyond 0 to [`PAYOFF_MAX`].
+/// the whole game is taken: of equal rows or columns the first plays. `None` without a matrix, with rows of different length, more than
+/// [`SIDE_MAX`] rows or columns, or payoffs beyond 0 to [`PAYOFF_MAX`].
 pub fn equilibrium(payoffs: &[Vec<i64>]) -> Option<Equilibrium> {
     let (height, width) = (payoffs.len(), payoffs.first()?.len());
     let fits = |row: &Vec<i64>| row.len() == width && row.iter().all(|of| (0..=PAYOFF_MAX).contains(of));
     if width == 0 || height > SIDE_MAX || width > SIDE_MAX || !payoffs.iter().all(fits) {
         return None;
     }
-    // One more everywhere makes no value 0 and moves no strategy.
+    // Adding one everywhere makes no value 0 and changes no strategy.
     let raised: Vec<Vec<i128>> = payoffs.iter().map(|row| row.iter().map(|of| i128::from(*of) + 1).collect()).collect();
     for size in 1..=height.min(width) {
         for rows in subsets(height, size) {

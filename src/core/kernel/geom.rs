@@ -72,12 +72,12 @@ impl Vec2 {
         num::atan2(self.y, self.x)
     }
 
-    /// Turned left by 90 degrees.
+    /// Returns it turned left by 90 degrees.
     pub fn left(self) -> Vec2 {
         Vec2 { x: -self.y, y: self.x }
     }
 
-    /// Turned by an angle, counter-clockwise.
+    /// Returns it turned by an angle, counter-clockwise.
     pub fn rotated(self, angle_rad: f64) -> Vec2 {
         let (sin, cos) = num::sin_cos(angle_rad);
         Vec2 { x: self.x * cos - self.y * sin, y: self.x * sin + self.y * cos }
@@ -88,7 +88,7 @@ impl Vec2 {
         self + (other - self) * share
     }
 
-    /// Whether neither coordinate is NaN or infinite.
+    /// Returns `true` if neither coordinate is NaN or infinite.
     pub fn is_finite(self) -> bool {
         self.x.is_finite() && self.y.is_finite()
     }
@@ -159,7 +159,7 @@ impl OrientedBox {
         OrientedBox::along(center, Vec2::from_heading(heading_rad), length_m, width_m)
     }
 
-    /// The same by the unit vector of its heading.
+    /// The box of a road user at a place, given the unit vector of its heading.
     pub fn along(center: Vec2, axis: Vec2, length_m: f64, width_m: f64) -> OrientedBox {
         OrientedBox { center, axis, half_length_m: 0.5 * length_m, half_width_m: 0.5 * width_m }
     }
@@ -177,7 +177,7 @@ impl OrientedBox {
         (self.half_length_m * self.half_length_m + self.half_width_m * self.half_width_m).sqrt()
     }
 
-    /// Whether the boxes share a point (separating axes; touching counts).
+    /// Returns `true` if the boxes share a point (separating axes; touching counts).
     pub fn overlaps(&self, other: &OrientedBox) -> bool {
         let delta = other.center - self.center;
         let along = self.axis.dot(other.axis).abs();
@@ -223,7 +223,7 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Around some places; of none it meets nothing.
+    /// Returns the rectangle around some places; without places it meets nothing.
     pub fn around(places: impl IntoIterator<Item = Vec2>) -> Extent {
         let nowhere = Vec2::new(f64::INFINITY, f64::INFINITY);
         places.into_iter().fold(Extent { low: nowhere, high: -nowhere }, |Extent { low, high }, place| Extent {
@@ -232,13 +232,13 @@ impl Extent {
         })
     }
 
-    /// Wider by so much on every side, metres.
+    /// Returns the rectangle widened by this margin on every side, metres.
     pub fn grown(&self, margin_m: f64) -> Extent {
         let margin = Vec2::new(margin_m, margin_m);
         Extent { low: self.low - margin, high: self.high + margin }
     }
 
-    /// Whether the two share a point.
+    /// Returns `true` if the two share a point.
     pub fn meets(&self, other: &Extent) -> bool {
         self.low.x <= other.high.x
             && self.high.x >= other.low.x
@@ -247,7 +247,7 @@ impl Extent {
     }
 }
 
-/// Where a point falls on a polyline.
+/// Nearest place on a polyline to a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Projection {
     /// Arc length of the nearest point, metres.
@@ -260,9 +260,9 @@ pub struct Projection {
     pub segment: usize,
 }
 
-/// Every so many points of a line bound how far its nearest place can be.
+/// One point of a line in this many serves as a bound for the distance to the line.
 const COARSE: usize = 16;
-/// More than rounding amounts to in a distance or a length, metres.
+/// Bound on the rounding of a distance or a length, metres.
 const SLACK_M: f64 = 1e-3;
 
 /// A path with arc length. At least two points, no zero-length segment.
@@ -369,14 +369,14 @@ impl Polyline {
 
     /// Nearest place on the path; if two are equally near, the first. Beyond the ends `s` is clamped.
     ///
-    /// Of a point of the line that is so far away, the line lies no nearer than that less the way along it: stretches that are so passed over
-    /// make the search short, and its answer is that of [`Polyline::project_within`] over all segments.
+    /// A line is no nearer than a point of it is, less the way along the line from that point. Stretches that are passed over for this
+    /// reason make the search short, and its answer is that of [`Polyline::project_within`] over all segments.
     pub fn project(&self, point: Vec2) -> Projection {
         let last = self.points.len() - 1;
         let coarse = self.points.iter().step_by(COARSE).map(|at| (*at - point).norm_squared());
         let mut bound_m = coarse.fold(f64::INFINITY, f64::min).sqrt() + SLACK_M;
         let (mut best, mut best_distance) = ((0, 0.0), f64::INFINITY);
-        // The line up to there lies too far away.
+        // The line up to there is too far away.
         let mut passed_m = f64::NEG_INFINITY;
         for i in 0..last {
             if self.lengths[i + 1] < passed_m {
@@ -437,7 +437,7 @@ impl Polyline {
     }
 }
 
-/// Whether the open segments `a-b` and `c-d` cross or touch.
+/// Returns `true` if the open segments `a-b` and `c-d` cross or touch.
 pub fn segments_cross(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> bool {
     let side = |p: Vec2, q: Vec2, r: Vec2| (q - p).cross(r - p);
     let (d1, d2) = (side(c, d, a), side(c, d, b));
@@ -445,7 +445,7 @@ pub fn segments_cross(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> bool {
     ((d1 > 0.0) != (d2 > 0.0)) && ((d3 > 0.0) != (d4 > 0.0))
 }
 
-/// How far a point is from the straight piece between two others, metres, and at which share of it, 0..=1, it is nearest.
+/// Returns the distance of a point from the straight piece between two others, metres, and the share of it, 0..=1, where it is nearest.
 pub fn beside_piece(a: Vec2, b: Vec2, point: Vec2) -> (f64, f64) {
     let along = b - a;
     let length = along.norm_squared();
@@ -453,8 +453,8 @@ pub fn beside_piece(a: Vec2, b: Vec2, point: Vec2) -> (f64, f64) {
     (point.distance(a.lerp(b, share)), share)
 }
 
-/// Which of `count` points of a line it cannot do without (Ramer 1972; Douglas and Peucker 1973): its ends, and from the worst on those whose
-/// excess over the piece between two kept ones, `excess(from, to, k)`, is above 1.
+/// Returns `true` for each of `count` points of a line that it needs (Ramer 1972; Douglas and Peucker 1973): its ends, and, worst first,
+/// those whose excess over the piece between two kept ones, `excess(from, to, k)`, is above 1.
 pub fn needed_points(count: usize, excess: impl Fn(usize, usize, usize) -> f64) -> Vec<bool> {
     let mut needed = vec![false; count];
     let Some(last) = count.checked_sub(1) else { return needed };
@@ -476,7 +476,7 @@ pub fn needed_points(count: usize, excess: impl Fn(usize, usize, usize) -> f64) 
     needed
 }
 
-/// Whether a point lies inside a polygon (even-odd rule).
+/// Returns `true` if a point lies inside a polygon (even-odd rule).
 pub fn polygon_contains(polygon: &[Vec2], point: Vec2) -> bool {
     let mut inside = false;
     for (i, a) in polygon.iter().enumerate() {
@@ -537,7 +537,7 @@ mod tests {
             if exact > 1e-6 {
                 prop_assert!(!a.overlaps(&b));
             }
-            // One root of the least square is, to the bit, the least of eight roots.
+            // The one root of the least square is, to the bit, the least of eight roots.
             if !a.overlaps(&b) {
                 let to = |points: [Vec2; 4], target: &OrientedBox| points.map(|p| target.squared_distance_to_point(p).sqrt());
                 let plain = to(a.corners(), &b).into_iter().chain(to(b.corners(), &a)).fold(f64::INFINITY, f64::min);

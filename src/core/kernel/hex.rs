@@ -1,11 +1,11 @@
 //! Bytes as hex digits, in one spelling.
 
-/// Two lower-case digits a byte.
+/// Returns two lower-case digits per byte.
 pub fn encoded(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The bytes of such a text; `None` for any other one. As of digests there is one spelling: a changed letter's case is damage.
+/// Returns the bytes of such a text; `None` for any other. As with digests there is one spelling: a letter in the other case is damage.
 pub fn decoded(text: &str) -> Option<Vec<u8>> {
     let digit = |c: char| c.to_digit(16).filter(|_| !c.is_ascii_uppercase()).map(|d| d as u8);
     let digits = text.chars().map(digit).collect::<Option<Vec<u8>>>()?;

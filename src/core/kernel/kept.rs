@@ -1,10 +1,10 @@
-//! Values that are kept for whoever asks next, and forgotten when there are too many. Never part of a result: what is not
+//! A cache of values, which forgets some when there are too many. It is never part of a result: a value that is not
 //! kept is made again, and is the same.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// Values by key up to a total weight; the ones that were not asked for longest are forgotten first.
+/// Values by key up to a total weight; those that were not asked for longest are forgotten first.
 #[derive(Debug)]
 pub struct LruCache<K, V> {
     most: usize,
@@ -22,7 +22,7 @@ struct Shelf<K, V> {
     asked: BTreeMap<u64, K>,
 }
 
-/// Where a value stands, or will stand once it is made.
+/// Place of a value that is made or will be made.
 #[derive(Debug)]
 struct Place<V> {
     last: u64,
@@ -32,7 +32,7 @@ struct Place<V> {
 }
 
 impl<K: Ord + Clone, V: Clone> LruCache<K, V> {
-    /// Keeps at most so many values.
+    /// Keeps at most this many values.
     pub fn new(most: usize) -> LruCache<K, V> {
         LruCache::weighing(most, |_| 1)
     }

@@ -1,12 +1,12 @@
-//! Products of matrices of `f32` with the same bits everywhere: every sum runs by ascending inner index, one rounding a
-//! multiplication and one an addition, so that the compiler may put neighbouring columns into one register and no more.
+//! Products of matrices of `f32` with the same bits everywhere: every sum runs by ascending inner index, with one rounding per
+//! multiplication and one per addition, so that the compiler may put neighbouring columns into one register and no more.
 //!
 //! Zeros of the left factor are passed over: after a ReLU half of it is zero. A sum without its zero terms is the same
 //! sum, as long as the right factor is finite.
 
 /// Columns that are summed side by side: eight registers of four.
 const WIDE: usize = 32;
-/// The same for what is left over.
+/// Columns that are summed side by side in the remainder.
 const NARROW: usize = 4;
 
 /// A left factor by rows, without its zeros, and room for the right one in blocks of columns. Reused, so that a product
@@ -52,7 +52,7 @@ impl Product {
     }
 
     fn clear(&mut self, count: usize) {
-        // One more: what is not kept is written behind the last one kept.
+        // One more place: a term that is not kept is written behind the last one kept.
         self.values.resize(count + 1, 0.0);
         self.places.resize(count + 1, 0);
         self.starts.clear();
@@ -60,7 +60,7 @@ impl Product {
     }
 
     /// Adds the product with `right` (inner by `columns`, row after row) to `out` (rows by `columns`). The sums begin with
-    /// what `out` holds.
+    /// the values in `out`.
     pub fn add_to(&mut self, right: &[f32], columns: usize, out: &mut [f32]) {
         let mut from = 0;
         while from < columns {

@@ -1,4 +1,4 @@
-//! What determinism rests on: float functions, named random streams, geometry, canonical bytes, digests, formulas in
+//! Basis of determinism: float functions, named random streams, geometry, canonical bytes, digests, formulas in
 //! total arithmetic, products of matrices, and the one ordered parallel map. This room does not know driving.
 
 pub mod canon;

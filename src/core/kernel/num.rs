@@ -97,7 +97,7 @@ pub fn powu(base: f64, exponent: u32) -> f64 {
 
 /// Logistic function `1 / (1 + e^-x)`.
 pub fn sigmoid(x: f64) -> f64 {
-    // Beyond this `e^-x` is less than half of what 1 can be told apart from.
+    // Beyond this `e^-x` is less than half of the smallest difference from 1.
     if x > 37.0 {
         return 1.0;
     }
@@ -132,14 +132,14 @@ pub fn rounded(x: f64, digits: u32) -> f64 {
     if value == 0.0 { 0.0 } else { value }
 }
 
-/// A number as every text prints it: rounded to `digits` decimals by [`rounded`], half away from zero. The formatter of the
-/// standard library alone rounds what a binary number holds: 0.0375 is a little less than it says, and would be 0.037 in one text
+/// Returns a number as every text prints it: rounded to `digits` decimals by [`rounded`], half away from zero. The formatter of the
+/// standard library alone would round the binary number: 0.0375 is stored as a little less, and would be 0.037 in one text
 /// and 0.038 in another.
 pub fn fixed(x: f64, digits: u32) -> String {
     format!("{:.*}", digits as usize, rounded(x, digits))
 }
 
-/// The same with its sign; a zero has none.
+/// Returns the same with its sign; a zero has none.
 pub fn signed(x: f64, digits: u32) -> String {
     let value = rounded(x, digits);
     if value == 0.0 { fixed(value, digits) } else { format!("{value:+.*}", digits as usize) }
@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn a_printed_number_is_rounded_half_away_from_zero_as_it_is_read() {
-        // 3 of 80 and 5 of 80: the one is a little less than it says, the other exactly half way.
+        // 3 of 80 and 5 of 80: the first is stored as a little less, the other is exactly half way.
         assert_eq!([3.0 / 80.0, 5.0 / 80.0, -3.0 / 80.0].map(|x| fixed(x, 3)), ["0.038", "0.063", "-0.038"]);
         assert_eq!(format!("{:.3} {:.3}", 3.0 / 80.0, 5.0 / 80.0), "0.037 0.062", "which the standard library prints");
         assert_eq!([signed(3.0 / 80.0, 3), signed(-0.1125, 3), signed(-1e-9, 3)], ["+0.038", "-0.113", "0.000"]);

@@ -62,7 +62,7 @@ impl Stream {
         self.unit() < p
     }
 
-    /// Normal with the given mean and standard deviation (Box-Muller, one value a call).
+    /// Normal with the given mean and standard deviation (Box-Muller, one value per call).
     pub fn normal(&mut self, mean: f64, std: f64) -> f64 {
         let radius = (-2.0 * num::ln(1.0 - self.unit())).sqrt();
         mean + std * radius * num::cos(num::TAU * self.unit())

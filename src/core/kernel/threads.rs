@@ -1,5 +1,5 @@
-//! The only place with threads: parallel maps whose results come back in input order, and threads that wait for what may
-//! never come.
+//! The only place with threads: parallel maps whose results come back in input order, and threads for work that may
+//! never end.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -8,22 +8,22 @@ use rayon::prelude::*;
 
 use super::Seed;
 
-/// Does `work` beside everything else; nobody waits for its end. For reading and writing pipes, which may block for ever.
+/// Does `work` on a thread of its own, whose end nobody waits for. For reading and writing pipes, which may block for ever.
 pub fn beside(work: impl FnOnce() + Send + 'static) -> std::io::Result<()> {
     std::thread::Builder::new().spawn(work).map(drop)
 }
 
-/// What is done in a turn, given its number.
+/// Work of a turn, given its number.
 type Turn<'a> = &'a (dyn Fn(usize) + Sync);
 
-/// Of a worker. Memory is taken as it is touched.
+/// Stack of a worker. Memory is taken as it is touched.
 const STACK_BYTES: usize = 16 << 20;
 
-/// Worker threads. Results never depend on how many there are, nor on who is done first.
+/// Worker threads. Results depend neither on their number nor on which of them is done first.
 pub struct Threads {
     /// `None`: the caller's own thread.
     pool: Option<rayon::ThreadPool>,
-    /// In whose order a map begins its items; in their own without.
+    /// Seed of the order in which a map begins its items; `None` for their own order.
     order: Option<Seed>,
 }
 
@@ -33,17 +33,17 @@ pub const THREADS_MAX: usize = 1024;
 /// Worker threads could not be started.
 #[derive(Debug, thiserror::Error)]
 pub enum ThreadsError {
-    /// More than anybody has use for.
+    /// More than any machine can use.
     #[error(
         "expected at most {THREADS_MAX} worker threads, found {0}; 0 gives one a core, and no number changes a result"
     )]
     TooMany(usize),
-    /// The system gives no such number.
+    /// The system does not give that many.
     #[error("cannot start {threads} worker threads: {source}; ask for fewer (--jobs 1)")]
     Unstarted {
-        /// How many were asked for.
+        /// Number of threads that was asked for.
         threads: usize,
-        /// What the system said.
+        /// Error of the system.
         source: rayon::ThreadPoolBuildError,
     },
 }
@@ -59,7 +59,7 @@ impl Threads {
         }
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
-            // A map within a map: who waits for its end may begin another item of the outer one on the same stack.
+            // With a map within a map, a worker that waits for its end may begin another item of the outer one on the same stack.
             .stack_size(STACK_BYTES)
             .build()
             .map(|pool| Threads { pool: Some(pool), order: None })
@@ -72,25 +72,25 @@ impl Threads {
         Threads { pool: None, order: None }
     }
 
-    /// The same, but a map begins its items in an order drawn from a seed. Results come back in item order all the same. For
-    /// tests: what hangs on the order in which work is done comes out differently.
+    /// Workers whose maps begin their items in an order drawn from a seed. Results come back in item order all the same. For
+    /// tests: a result that depends on the order of the work comes out differently.
     pub fn shuffled(threads: usize, seed: Seed) -> Result<Threads, ThreadsError> {
         Ok(Threads { order: Some(seed), ..Threads::new(threads)? })
     }
 
-    /// How many threads work.
+    /// Returns the number of threads that work.
     pub fn count(&self) -> usize {
         self.pool.as_ref().map_or(1, rayon::ThreadPool::current_num_threads)
     }
 
-    /// `f` of every item, in item order. `f` sees the index too, to name its random stream by.
+    /// Returns `f` of every item, in item order. `f` is given the index too, as a name for its random stream.
     pub fn map<T: Sync, R: Send>(&self, items: &[T], f: impl Fn(usize, &T) -> R + Sync + Send) -> Vec<R> {
         let Some(pool) = &self.pool else { return items.iter().enumerate().map(|(i, item)| f(i, item)).collect() };
         self.gather(items, f, &|work| each(pool, items.len(), work))
     }
 
-    /// The same for items that mostly wait for somebody outside: at most `at_once` of them, and [`THREADS_MAX`], are under way together,
-    /// each on a thread of its own. What they compute in a [`Threads::map`] is done by the workers. One at once: the caller's thread alone.
+    /// Maps items that mostly wait for something outside: at most `at_once` of them, and [`THREADS_MAX`], are under way together,
+    /// each on a thread of its own. The workers do what the items compute in a [`Threads::map`]. With one at once: the caller's thread alone.
     pub fn map_waiting<T: Sync, R: Send>(
         &self,
         items: &[T],
@@ -103,7 +103,7 @@ impl Threads {
         }
     }
 
-    /// Results in item order, whoever does the work of a turn.
+    /// Returns results in item order, whichever thread does the work of a turn.
     fn gather<T: Sync, R: Send>(
         &self,
         items: &[T],
@@ -129,7 +129,7 @@ impl Threads {
     }
 }
 
-/// `work` of 0 to `count` - 1 on `at_once` threads, the caller's among them. Where the system gives fewer, fewer wait together.
+/// Does `work` of 0 to `count` - 1 on `at_once` threads, the caller's among them. Where the system gives fewer, fewer wait together.
 fn each_waiting(at_once: usize, count: usize, work: Turn<'_>) {
     let next = AtomicUsize::new(0);
     let take_turns = || {
@@ -150,8 +150,8 @@ fn each_waiting(at_once: usize, count: usize, work: Turn<'_>) {
     });
 }
 
-/// `work` of 0 to `count` - 1 on the pool. Knows no type of items and results: rayon's own code, which is long, is then compiled
-/// once and not for every map of the program.
+/// Does `work` of 0 to `count` - 1 on the pool. It knows no type of items and results, so that rayon's own code, which is long, is
+/// compiled once and not for every map of the program.
 fn each(pool: &rayon::ThreadPool, count: usize, work: Turn<'_>) {
     // An item is a search or a rollout, long enough to be a job of its own: in longer jobs one thread would be left with several
     // items while the others wait.
@@ -184,7 +184,7 @@ mod tests {
     fn what_waits_is_under_way_together_and_what_it_computes_is_not_held_up() {
         let threads = Threads::new(1).unwrap();
         let items: Vec<u64> = (0..40).collect();
-        // Nobody goes on before all are here: with fewer threads this would never end.
+        // No thread goes on before all are here: with fewer threads this would never end.
         let all = std::sync::Barrier::new(40);
         let waited = threads.map_waiting(&items, 40, |i, x| {
             all.wait();

@@ -2,11 +2,11 @@
 
 use super::num;
 
-/// Results are clamped to ±this.
+/// Results are clamped to plus or minus this.
 pub const MAGNITUDE_MAX: f64 = 1e12;
 /// A denominator with a smaller absolute value is replaced by this, with its sign; zero counts as positive.
 pub const DENOMINATOR_MIN: f64 = 1e-9;
-/// For any smaller argument, also negative or zero, `log` gives the log of this.
+/// Least argument of `log`: it gives the log of this for any smaller one, also negative or zero.
 pub const LOG_ARGUMENT_MIN: f64 = 1e-12;
 
 /// NaN becomes 0; any other value is clamped to the bound.

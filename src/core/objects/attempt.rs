@@ -26,17 +26,17 @@ pub struct Attempt {
     pub parent: SolutionId,
     /// Hash of that program's content.
     pub parent_hash: Digest,
-    /// What the search was asked for in this slot.
+    /// Target given to the search in this slot.
     pub target: String,
     /// Cards that the actor was shown.
     pub memory_shown: Vec<CardId>,
-    /// What the agents said and answered.
+    /// Questions to the agents and their answers.
     pub proposal: Proposal,
     /// How far it came.
     pub exit: Exit,
 }
 
-/// What the role loop did (paper, algorithm actor_critic_mutation).
+/// Record of the role loop (paper, algorithm actor_critic_mutation).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Proposal {
     /// Every question that was asked, in order.
@@ -48,7 +48,7 @@ pub struct Proposal {
 /// One question to a model and the bytes that came back.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Exchange {
-    /// Who was asked.
+    /// Role that was asked.
     pub role: Role,
     /// Repair round, from 0: the actor's own proposal is round 0.
     pub round: u32,
@@ -58,10 +58,10 @@ pub struct Exchange {
     pub response: Digest,
     /// Name of the model as the experiment file has it.
     pub model: String,
-    /// Digest of what the provider said about the answer, where it said something and the recording seals it.
+    /// Digest of the provider's data about the answer, where it sent any and the recording seals it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub metadata: Option<Digest>,
-    /// What was taken off around the reply before it was read, where the model's options say so.
+    /// Texts stripped from around the reply before it was read, where the model's options ask for that.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unwrapped: Vec<String>,
     /// Why the reply could not be used, if so.
@@ -73,7 +73,7 @@ pub struct Exchange {
 pub struct Round {
     /// The patch as parsed; `None` where the answer held none.
     pub patch: Option<ProgramPatch>,
-    /// One review a critic, in the order in which they were asked; a critic without a readable answer has none.
+    /// One review per critic, in the order in which they were asked; a critic without a readable answer has none.
     pub reviews: Vec<Review>,
 }
 
@@ -95,12 +95,12 @@ pub enum Exit {
     },
     /// A gate failed; nothing was simulated.
     Invalid {
-        /// What each gate said.
+        /// Verdict of each gate.
         gates: GateReport,
     },
     /// The world evaluator judged it not worth a rollout.
     Rejected {
-        /// What each gate said.
+        /// Verdict of each gate.
         gates: GateReport,
         /// The admitted child.
         candidate: Box<Candidate>,
@@ -109,21 +109,21 @@ pub enum Exit {
     },
     /// It has labels from the simulator.
     Evaluated {
-        /// What each gate said.
+        /// Verdict of each gate.
         gates: GateReport,
         /// The admitted child.
         candidate: Box<Candidate>,
         /// Why it was simulated.
         route: Route,
-        /// What the rollouts measured.
+        /// Measurements of the rollouts.
         score: Score,
-        /// What the archive made of the score.
+        /// The archive's decision on the score.
         decision: Decision,
     },
 }
 
 impl Exit {
-    /// The word for it in events, reports and counts.
+    /// Returns the word for it in events, reports and counts.
     pub fn name(&self) -> &'static str {
         match self {
             Exit::Declined { .. } => "declined",
@@ -133,7 +133,7 @@ impl Exit {
         }
     }
 
-    /// The admitted child; `None` if the gates did not admit one.
+    /// Returns the admitted child; `None` if the gates did not admit one.
     pub fn candidate(&self) -> Option<&Candidate> {
         match self {
             Exit::Declined { .. } | Exit::Invalid { .. } => None,
@@ -141,7 +141,7 @@ impl Exit {
         }
     }
 
-    /// What the gates said; `None` where no gate was reached.
+    /// Returns the gates' verdicts; `None` where no gate was reached.
     pub fn gates(&self) -> Option<&GateReport> {
         match self {
             Exit::Declined { .. } => None,
@@ -149,7 +149,7 @@ impl Exit {
         }
     }
 
-    /// Where the world evaluator sent it; `None` before that stage.
+    /// Returns the world evaluator's routing; `None` before that stage.
     pub fn route(&self) -> Option<&Route> {
         match self {
             Exit::Declined { .. } | Exit::Invalid { .. } => None,
@@ -157,7 +157,7 @@ impl Exit {
         }
     }
 
-    /// What the rollouts measured; `None` where there were none.
+    /// Returns the measurements of the rollouts; `None` where there were none.
     pub fn score(&self) -> Option<&Score> {
         match self {
             Exit::Evaluated { score, .. } => Some(score),
@@ -165,7 +165,7 @@ impl Exit {
         }
     }
 
-    /// What the archive decided; `None` without a score.
+    /// Returns the archive's decision; `None` without a score.
     pub fn decision(&self) -> Option<&Decision> {
         match self {
             Exit::Evaluated { decision, .. } => Some(decision),
@@ -198,10 +198,10 @@ pub enum Gate {
 }
 
 impl Gate {
-    /// How many there are: the paper's seven, and the no-effect gate.
+    /// Number of gates: the paper's seven, and the no-effect gate.
     pub const COUNT: usize = 8;
 
-    /// What people call it.
+    /// Returns the gate's name for people.
     pub fn name(self) -> &'static str {
         match self {
             Gate::Schema => "schema",
@@ -220,23 +220,23 @@ impl Gate {
 /// which judges only what was compiled.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GateReport {
-    /// One verdict a gate, in the order in which the gates ran.
+    /// One verdict per gate, in the order in which the gates ran.
     pub verdicts: Vec<GateVerdict>,
 }
 
 impl GateReport {
-    /// Whether every gate let it through.
+    /// Returns `true` if every gate passed.
     pub fn passed(&self) -> bool {
         self.verdicts.len() == Gate::COUNT && self.verdicts.iter().all(|v| v.problems.is_empty())
     }
 
-    /// The gates that did not, in their order.
+    /// Returns the verdicts of the gates that did not pass, in their order.
     pub fn failed(&self) -> impl Iterator<Item = &GateVerdict> {
         self.verdicts.iter().filter(|v| !v.problems.is_empty())
     }
 }
 
-/// What one gate said.
+/// Verdict of one gate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GateVerdict {
     /// Which gate.
@@ -258,7 +258,7 @@ pub struct Candidate {
     pub mechanism_tags: Vec<String>,
 }
 
-/// What the world evaluator predicted and decided (paper eq. method-routing).
+/// Prediction and decision of the world evaluator (paper eq. method-routing).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Route {
     /// d_φ: simulate or not.
@@ -274,13 +274,13 @@ pub struct Route {
     /// Half widths of the intervals for attack and realism.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub half_width: Option<Objectives>,
-    /// What candidates are ranked by: the predicted gain against the parent.
+    /// Score that candidates are ranked by: the predicted gain against the parent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rank_score: Option<f64>,
-    /// Of a candidate that was simulated because it was drawn: for how many of those drawn from it stands.
+    /// For a candidate that was simulated because it was drawn: number of candidates in the drawing that it stands for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weight: Option<f64>,
-    /// What a pilot showed before candidates were ranked; the rank score holds it, the prediction does not.
+    /// Result of a pilot before candidates were ranked; the rank score includes it, the prediction does not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pilot: Option<Pilot>,
 }
@@ -289,17 +289,17 @@ pub struct Route {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "String", into = "String")]
 pub enum RouteReason {
-    /// The rank left it out, and it was drawn to see whether wrongly; what is said besides.
+    /// The rank left it out, and it was drawn to check whether that was wrong; the text holds the remaining words.
     Monitored(String),
     /// Anything else, in words.
     Other(String),
 }
 
-/// How the words of a monitored one begin.
+/// Prefix of the words of a monitored candidate.
 const MONITORED: &str = "audit: left out by the rank, drawn at random";
 
 impl RouteReason {
-    /// With more words behind.
+    /// Appends more words.
     pub fn with(mut self, more: &str) -> RouteReason {
         let (RouteReason::Monitored(words) | RouteReason::Other(words)) = &mut self;
         words.push_str(more);
@@ -307,7 +307,7 @@ impl RouteReason {
     }
 }
 
-/// The one place where recorded words are read.
+/// Recorded words are read only here.
 impl From<String> for RouteReason {
     fn from(words: String) -> RouteReason {
         match words.strip_prefix(MONITORED) {
@@ -334,7 +334,7 @@ pub struct Pilot {
     pub scenes: Vec<String>,
     /// Mean over those that have labels of candidate and parent: attack and realism less the parent's; 0 where none has.
     pub difference: Objectives,
-    /// How many these are.
+    /// Number of scenes that have both labels.
     pub labelled: u32,
 }
 
@@ -350,16 +350,16 @@ pub enum RouteDecision {
     Audit,
 }
 
-/// What the archive decided, with the numbers of each gate.
+/// Decision of the archive, with the numbers of each gate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Decision {
-    /// Whether it becomes the lineage's active parent.
+    /// True if it becomes the lineage's active parent.
     pub promoted: bool,
-    /// Whether it is a member of the non-dominated set after the decision.
+    /// True if it is a member of the non-dominated set after the decision.
     pub on_front: bool,
     /// The acceptance gates.
     pub gates: Box<AcceptanceGates>,
-    /// What came of the race that decides whether it may lead; `None` where it did not come to that.
+    /// Result of the race that decides whether it may lead; `None` where no race was run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub race: Option<Race>,
 }
@@ -368,7 +368,7 @@ pub struct Decision {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Race {
-    /// Whether the gain was shown.
+    /// True if the gain was shown.
     pub shown: bool,
     /// Each comparison, on the scenes of the one before it and further ones.
     pub looks: Vec<Look>,
@@ -380,7 +380,7 @@ pub struct Race {
 pub struct Look {
     /// Confidence at which it had to show the gain, 1.
     pub level: f64,
-    /// What the gates say of it beside its parent alone.
+    /// Verdicts of the gates on it beside its parent alone.
     pub gates: Box<AcceptanceGates>,
 }
 
@@ -389,26 +389,26 @@ pub struct Look {
 /// difference stands beside its standard error.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AcceptanceGates {
-    /// Whether it makes the front denser.
+    /// Gate for a child that makes the front denser.
     pub densification: Densification,
-    /// Whether it pushes the front in a region of high realism or high attack.
+    /// Gate for a child that pushes the front in a region of high realism or high attack.
     pub local_push: LocalPush,
-    /// Whether it improves on its parent at a bounded loss.
+    /// Gate for a child that improves on its parent at a bounded loss.
     pub parent_tradeoff: ParentTradeoff,
-    /// Whether it acts in enough scenes.
+    /// Condition that it acts in enough scenes.
     pub coverage: CoverageFloor,
     /// Paired scenes in which the child's labels are not its parent's.
     pub differing_scenes: usize,
-    /// Whether it may be accepted without any such scene.
+    /// True if it may be accepted without any such scene.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub may_do_as_parent: bool,
-    /// How many scenes were paired: what every difference here rests on.
+    /// Number of paired scenes that every difference here rests on.
     pub scenes: usize,
-    /// Where another method than the three gates decides: what it says. The gates above are told all the same.
+    /// Verdict of the method that decides in place of the three gates, if one does. The gates above are recorded all the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method: Option<MethodVerdict>,
-    /// Where each group of family and route has its own archive: the groups whose archives accept it. The gates above are of all runs and
-    /// are told all the same.
+    /// Groups whose archives accept it, where each group of family and route has its own archive. The gates above are of all runs and
+    /// are recorded all the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub groups: Option<Vec<String>>,
     /// Under shuffled labels: the candidate of the same epoch whose labels were compared in its place.
@@ -416,13 +416,13 @@ pub struct AcceptanceGates {
     pub labels_of: Option<SolutionId>,
 }
 
-/// What another search method than the gates says of a child.
+/// Verdict on a child of a search method other than the gates.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MethodVerdict {
     /// Name of the method.
     pub method: String,
-    /// Whether it keeps the child.
+    /// True if it keeps the child.
     pub holds: bool,
     /// The child's score under the method, 1; `None` where it has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -430,9 +430,9 @@ pub struct MethodVerdict {
 }
 
 impl AcceptanceGates {
-    /// Whether the child is accepted: by one of the three gates, if it acts often enough and does something else than its
-    /// parent, as far as that is asked for; by the archive of some group, where groups have their own; or by the method that decides
-    /// in their place, if it acts at all.
+    /// Returns `true` if the child is accepted: by one of the three gates, if it acts often enough and, unless that is waived, differs
+    /// from its parent; by the archive of some group, where groups have their own; or by the method that decides in their place, if it
+    /// acts at all.
     pub fn any(&self) -> bool {
         if let Some(verdict) = &self.method {
             return verdict.holds && self.coverage.coverage > 0.0;
@@ -457,9 +457,9 @@ pub struct Difference {
 /// Frontier densification: non-dominated, with a gain of hypervolume.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Densification {
-    /// Whether the gate accepts.
+    /// True if the gate accepts.
     pub holds: bool,
-    /// Whether no member of the front dominates it.
+    /// True if no member of the front dominates it.
     pub non_dominated: bool,
     /// Hypervolume of the front without it.
     pub hypervolume_before: f64,
@@ -472,7 +472,7 @@ pub struct Densification {
 /// Local frontier push: better attack at high realism, or better realism at high attack.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LocalPush {
-    /// Whether the gate accepts.
+    /// True if the gate accepts.
     pub holds: bool,
     /// Largest attack of the front where R >= r0; `None` where that region is empty.
     pub best_attack_at_r0: Option<f64>,
@@ -487,7 +487,7 @@ pub struct LocalPush {
 /// Parent trade-off push: one objective better, the other not worse than a tolerance allows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ParentTradeoff {
-    /// Whether the gate accepts.
+    /// True if the gate accepts.
     pub holds: bool,
     /// A(c) - A(p).
     pub attack_change: f64,
@@ -499,10 +499,10 @@ pub struct ParentTradeoff {
     pub realism_uncertainty: Option<f64>,
 }
 
-/// Whether a program acts about as often as its parent. Coverage is the share of scenes in which a program acts, 1.
+/// Condition that a program acts about as often as its parent. Coverage is the share of scenes in which a program acts, 1.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CoverageFloor {
-    /// Whether the child acts often enough.
+    /// True if the child acts often enough.
     pub holds: bool,
     /// The child's coverage.
     pub coverage: f64,

@@ -9,7 +9,7 @@ use super::ids::{LineageId, SolutionId};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Run {
-    /// Whether the ego collided with a road user that the program staged.
+    /// True if the ego collided with a road user that the program staged.
     pub collision: bool,
     /// Red lights that the ego ran.
     pub red_lights: f64,
@@ -17,15 +17,15 @@ pub struct Run {
     pub stop_signs: f64,
     /// Metres that the ego drove off the road.
     pub off_road_m: f64,
-    /// Mean over time.
+    /// Mean over time of the distance to the route, m.
     pub route_distance_m: f64,
     /// 0..=1; a completed route counts as 1.
     pub completion: f64,
     /// Duration of a completed run, s.
     pub completed_s: Option<f64>,
-    /// Mean over time of the norm.
+    /// Mean over time of the norm of the acceleration, m/s².
     pub acceleration_mps2: f64,
-    /// Sum of absolute heading changes over the duration.
+    /// Sum of absolute heading changes over the duration, rad/s.
     pub yaw_rate_radps: f64,
     /// Lanes that the ego invaded.
     pub lane_invasions: f64,
@@ -35,9 +35,9 @@ pub struct Run {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunRealism {
-    /// Whether a road user that the program staged was set off or met the ego.
+    /// True if a road user that the program staged was set off or met the ego.
     pub acted: bool,
-    /// Never of a run in which the program did not act, unless such runs are judged as well.
+    /// False for every run in which the program did not act, unless such runs are judged as well.
     pub valid: bool,
     /// S_kin, S_map, S_int, S_dist, each 0..=1; all 0 of a run that is not judged. Of a judged idle run S_int is at least 1/3.
     pub sub_scores: [f64; 4],
@@ -54,7 +54,7 @@ impl RunRealism {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SafebenchRun {
-    /// What happened.
+    /// Quantities for the overall score.
     pub run: Run,
     /// How realistic the adversaries were, and whether the program acts at all.
     pub realism: RunRealism,
@@ -88,13 +88,13 @@ pub struct Benchmark {
     pub runs: usize,
     /// Scenes that could not be run; they count as invalid.
     pub failures: usize,
-    /// By traffic family, over all its routes.
+    /// Rows by traffic family, over all its routes.
     pub families: BTreeMap<String, BenchmarkRow>,
     /// Means over the families. Attack is computed from the mean CR and OS, as in the paper's tables.
     pub mean: BenchmarkRow,
 }
 
-/// What became of a held-out scene in SafeBench's protocol.
+/// Result of a held-out scene in SafeBench's protocol.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HeldOutRun {
@@ -144,7 +144,7 @@ pub struct Redrawn {
     pub lineage: LineageId,
     /// Programs whose place the parent took.
     pub programs: usize,
-    /// What balanced selection keeps after every round, from the parent's own scenes alone on. A redrawn scene ends in `/redrawNN`.
+    /// Scenes that balanced selection keeps after every round, from the parent's own scenes alone on. A redrawn scene ends in `/redrawNN`.
     pub rounds: Vec<ArchiveRound>,
     /// PF-Area@3 of each group, percent.
     pub pf_area_at_3_pct_by_group: BTreeMap<String, f64>,

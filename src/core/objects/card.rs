@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ids::{AttemptId, CardId, FamilyName, LineageId};
 
-/// What a memory card tells about (paper: typed memory cards).
+/// Subject of a memory card (paper: typed memory cards).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CardKind {
@@ -12,7 +12,7 @@ pub enum CardKind {
     Failure,
     /// A motif that worked.
     Success,
-    /// What critics said.
+    /// A remark of the critics.
     Critic,
     /// A note on the lineage.
     Lineage,
@@ -20,12 +20,12 @@ pub enum CardKind {
     Reflection,
 }
 
-/// What later actors may be shown (paper, appendix Archive, Memory, and Retrieval).
+/// Summary that later actors may be shown (paper, appendix Archive, Memory, and Retrieval).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Card {
     /// Unique in a run.
     pub id: CardId,
-    /// What it tells about.
+    /// Subject of the card.
     pub kind: CardKind,
     /// The lineage whose attempt it came from.
     pub lineage: LineageId,

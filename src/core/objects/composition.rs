@@ -12,7 +12,7 @@ use crate::kernel::num;
 pub struct BehaviourForm {
     /// The contract's word for it.
     pub word: &'static str,
-    /// What the behaviour does, for the prompt.
+    /// Effect of the behaviour, for the prompt.
     pub describes: &'static str,
 }
 
@@ -23,7 +23,7 @@ pub struct RangeForm {
     pub name: &'static str,
     /// Unit of both ends.
     pub unit: &'static str,
-    /// What the number does, for the prompt.
+    /// Effect of the number, for the prompt.
     pub describes: &'static str,
     /// Smallest value of the lower end, in `unit`.
     pub low_min: f64,
@@ -80,7 +80,7 @@ impl TemplateForm {
     }
 }
 
-/// What the simulator made of a template: the parent with it, in scenes of its kind.
+/// The simulator's result for a template: the parent with it, in scenes of its kind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TemplateTrial {
@@ -114,7 +114,7 @@ impl TemplateTrial {
         TemplateTrial { template, scenes: 0, acted: 0, collided: 0, realism: None }
     }
 
-    /// Whether another template could make the ego fail more often.
+    /// Returns `true` if another template could make the ego fail more often.
     pub fn leaves_room(&self) -> bool {
         self.collided < self.scenes
     }
@@ -127,11 +127,11 @@ pub struct Composed {
     pub lineage: LineageId,
     /// Kind of scenario.
     pub kind: String,
-    /// What the experiment file asks for.
+    /// Request of the experiment file.
     pub description: String,
     /// Every question that was asked, in order.
     pub exchanges: Vec<Exchange>,
-    /// Every template that could be used, with what the simulator made of it, in order.
+    /// Every template that could be used, with the simulator's result for it, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub trials: Vec<TemplateTrial>,
     /// The one of them that made the ego fail most often, the earliest among equals; `None`: no answer could be used, and the

@@ -24,7 +24,7 @@ pub struct Work {
     pub answers: usize,
     /// Waiting for models, seconds.
     pub model_s: f64,
-    /// As the providers counted them; 0 where they said nothing, as the scripted model does.
+    /// Tokens of the questions as the providers counted them; 0 where they said nothing, as the scripted model does.
     pub input_tokens: u64,
     /// Tokens of the answers, where a provider reported them.
     pub output_tokens: u64,
@@ -45,7 +45,7 @@ pub struct LineageCost {
     pub family: FamilyName,
     /// Its ego.
     pub ego: String,
-    /// What it cost.
+    /// Work done for the lineage.
     #[serde(flatten)]
     pub work: Work,
 }
@@ -61,7 +61,7 @@ pub struct RunCost {
     pub simulated: usize,
     /// Distinct rollouts read from the store.
     pub reused: usize,
-    /// One entry a lineage.
+    /// One entry per lineage.
     pub lineages: Vec<LineageCost>,
 }
 

@@ -20,12 +20,12 @@ pub struct Counsel {
 }
 
 impl Counsel {
-    /// It is part of the keys of rollouts and trials that use the counsel.
+    /// Returns the digest that is part of the keys of rollouts and trials that use the counsel.
     pub fn digest(&self) -> Result<Digest, CanonError> {
         Digest::of("evodrive/counsel/1", self)
     }
 
-    /// Rank of a vehicle among the advised attackers, from 1; `None` if it is not one of them.
+    /// Returns the rank of a vehicle among the advised attackers, from 1; `None` if it is not one of them.
     pub fn rank(&self, track: TrackIx) -> Option<usize> {
         self.attackers.iter().position(|attacker| *attacker == track).map(|place| place + 1)
     }
@@ -44,7 +44,7 @@ pub struct Vehicle {
     pub ahead_m: f64,
     /// Place across the ego's heading, metres; positive to the left.
     pub left_m: f64,
-    /// Between the two boxes.
+    /// Gap between the two boxes, metres.
     pub gap_m: f64,
     /// Speed now, m/s.
     pub speed_mps: f64,
@@ -98,13 +98,13 @@ pub enum Failure {
     Blocked,
     /// The ego braked and let it pass.
     EgoYielded,
-    /// The attacker reaches the place where the paths meet after the ego, or before it.
+    /// The attacker reaches the place where the paths meet after the ego.
     Late,
     /// The attacker reaches that place before the ego.
     Early,
 }
 
-/// What became of a set of attackers in the simulator.
+/// Result of a set of attackers in the simulator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "ended")]
 pub enum Trial {
@@ -125,7 +125,7 @@ pub enum Trial {
 }
 
 impl Trial {
-    /// Smaller is better: 0 at contact, the smallest distance else.
+    /// Returns 0 at contact, the smallest distance otherwise. Smaller is better.
     pub fn distance_m(&self) -> f64 {
         match self {
             Trial::Contact => 0.0,
@@ -134,7 +134,7 @@ impl Trial {
         }
     }
 
-    /// The result in one word; the next round is chosen by it.
+    /// Returns the result in one word; the next round is chosen by it.
     pub fn code(&self) -> &'static str {
         match self {
             Trial::Contact => "contact",
@@ -150,7 +150,7 @@ impl Trial {
     }
 }
 
-/// Where a set of attackers came from.
+/// Source of a set of attackers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Proposer {
@@ -160,25 +160,25 @@ pub enum Proposer {
     Rules,
 }
 
-/// One round: a set of attackers and what became of it.
+/// One round: a set of attackers and its result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CounselRound {
     /// Ids of the tracks, the leader first.
     pub attackers: Vec<String>,
     /// Why, in the proposer's words.
     pub reason: String,
-    /// Who named the set.
+    /// Source of the set.
     pub proposed_by: Proposer,
-    /// What the simulator made of it.
+    /// The simulator's result for it.
     pub trial: Trial,
 }
 
 /// How the counsel for one scene of one lineage was found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Counselled {
-    /// For which lineage.
+    /// Lineage that it is for.
     pub lineage: LineageId,
-    /// For which scene.
+    /// Scene that it is for.
     pub scene: String,
     /// Hash of the program that carried the proposals out: the lineage's parent without a search of its own.
     pub program: Digest,
@@ -186,7 +186,7 @@ pub struct Counselled {
     pub exchanges: Vec<Exchange>,
     /// None where the scene has no vehicle that could attack.
     pub rounds: Vec<CounselRound>,
-    /// What was advised in the end.
+    /// Final advice.
     pub counsel: Counsel,
     /// Digest of the counsel, as it is used in keys.
     pub digest: Digest,

@@ -1,4 +1,4 @@
-//! What a patch changed, for readers: unified diffs of programs, and the surfaces that a patch touches (paper fig.
+//! Changes of a patch, for readers: unified diffs of programs, and the surfaces that a patch touches (paper fig.
 //! patch-surface-distribution).
 
 use serde::Serialize;

@@ -15,7 +15,7 @@ pub const FORMAT: &str = "evodrive-downstream/1";
 pub enum SetName {
     /// The scenes that the generators play, as they are.
     Plain,
-    /// As many other scenes, as they are; none for evaluation.
+    /// An equal number of other scenes, as they are; none for evaluation.
     Benign,
     /// The plain ones as the parent program plays them.
     Original,
@@ -24,7 +24,7 @@ pub enum SetName {
 }
 
 impl SetName {
-    /// As study files and tables call it.
+    /// Returns the name in study files and tables.
     pub fn name(self) -> &'static str {
         match self {
             SetName::Plain => "plain",
@@ -35,13 +35,13 @@ impl SetName {
     }
 }
 
-/// What is fixed of a set before the first training begins.
+/// Facts of a set that are fixed before the first training begins.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FixedSet {
     /// Which one.
     pub name: SetName,
-    /// Of every scene's content and of what the program makes others do there, in order.
+    /// Digest of every scene's content and of others' motion there under the program, in order.
     pub digest: Digest,
     /// Ids of its scenes.
     pub scenes: Vec<String>,
@@ -51,7 +51,7 @@ pub struct FixedSet {
 }
 
 impl FixedSet {
-    /// How many of its scenes a training is examined on: those of its family, or all.
+    /// Returns the number of its scenes that a training is examined on: those of its family, or all.
     fn count(&self, family: Option<&str>) -> usize {
         match family {
             None => self.scenes.len(),
@@ -76,7 +76,7 @@ pub struct FixedSets {
 pub struct Opening {
     /// [`FORMAT`].
     pub format: String,
-    /// Of the study's file.
+    /// Name of the study.
     pub name: String,
     /// Its sentence for tables and figures.
     pub describes: String,
@@ -84,7 +84,7 @@ pub struct Opening {
     pub recipe: Digest,
     /// Digest of the program file whose parent and program are the two generators.
     pub program: Digest,
-    /// What the evolved program is called, and of which run.
+    /// Name of the evolved program, and of its run.
     pub generator: String,
     /// Kinds of the models that proposed its patches.
     pub proposals: String,
@@ -92,11 +92,11 @@ pub struct Opening {
     pub sets: FixedSets,
     /// Arm -> sets that it is trained on, in the order of the study.
     pub arms: Vec<(String, Vec<SetName>)>,
-    /// One training an arm and seed.
+    /// One training per arm and seed.
     pub seeds: Vec<u64>,
     /// Updates of every training.
     pub updates: u64,
-    /// How many of them are made on the plain set by all arms together, before each goes on alone.
+    /// Number of updates that all arms make together on the plain set, before each goes on alone.
     #[serde(default, skip_serializing_if = "is_none")]
     pub plain_updates: u64,
     /// Traffic families, in a study that trains an ego for each.
@@ -110,7 +110,7 @@ pub struct Opening {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reference {
-    /// What it is called.
+    /// Name of the driver.
     pub driver: String,
     /// How it drives, in the order of the evaluation sets.
     pub sets: Vec<SetDriven>,
@@ -146,10 +146,10 @@ impl fmt::Display for Wanted {
 pub struct SetDriven {
     /// Which set.
     pub set: SetName,
-    /// A letter a scene: how it ended. f a contact that the ego caused or could have avoided, c another contact, o off the road,
+    /// One letter per scene for how it ended: f a contact that the ego caused or could have avoided, c another contact, o off the road,
     /// a arrived, h at the scene's last step.
     pub ends: String,
-    /// Share of the route driven, a number a scene.
+    /// Share of the route driven, one number per scene.
     pub completion: Vec<f64>,
     /// SafeBench's overall score of each run by itself, where scenes are staged for its traffic families.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -160,11 +160,11 @@ pub struct SetDriven {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Examination {
-    /// Made so far.
+    /// Number of updates so far.
     pub updates: u64,
     /// Steps of the simulator driven for learning so far.
     pub steps: u64,
-    /// In the order of the evaluation sets.
+    /// How the actor drove each set, in the order of the evaluation sets.
     pub sets: Vec<SetDriven>,
 }
 
@@ -192,12 +192,12 @@ impl Trained {
     }
 }
 
-/// A whole record: a line of JSON for the opening, then one a training, arms in order and within them seeds.
+/// A whole record: a line of JSON for the opening, then one per training, arms in order and seeds in order within each arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Downstream {
     /// Its first line.
     pub opening: Opening,
-    /// In the order of [`Opening::wanted`].
+    /// Trainings, in the order of [`Opening::wanted`].
     pub trainings: Vec<Trained>,
 }
 
@@ -205,14 +205,14 @@ pub struct Downstream {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}: {problem}")]
 pub struct DownstreamError {
-    /// From 1.
+    /// Number of the line, from 1.
     pub line: usize,
-    /// What was found and expected.
+    /// The value found and the value expected.
     pub problem: String,
 }
 
 impl Downstream {
-    /// Its text.
+    /// Returns its text.
     ///
     /// # Errors
     /// A number in it that is not finite.
@@ -261,7 +261,7 @@ impl Downstream {
 }
 
 impl Opening {
-    /// Every training in the order of the record: families, in them arms, in them seeds.
+    /// Returns every training in the order of the record: by family, then by arm, then by seed.
     pub fn wanted(&self) -> Vec<Wanted> {
         let of_family = |family: Option<String>| {
             let of_arm = move |arm: &(String, Vec<SetName>)| {
@@ -273,12 +273,12 @@ impl Opening {
         self.parts().into_iter().flat_map(of_family).collect()
     }
 
-    /// Its traffic families, or `None` once for a study of all scenes together.
+    /// Returns its traffic families, or `None` once for a study of all scenes together.
     pub fn parts(&self) -> Vec<Option<String>> {
         if self.families.is_empty() { vec![None] } else { self.families.iter().cloned().map(Some).collect() }
     }
 
-    /// Whether a training has what the opening says.
+    /// Checks that a training has all that the opening says.
     fn fits(&self, trained: &Trained) -> Result<(), String> {
         let family = trained.family.as_deref();
         let sizes: BTreeMap<SetName, usize> =

@@ -55,7 +55,7 @@ pub struct Opened {
     pub experiment: Digest,
     /// Digest of the scene pool.
     pub pool: Digest,
-    /// Digest of where the scenes came from and of what was left out when they were imported; none of generated scenes.
+    /// Digest of the origins of the scenes and of the parts left out when they were imported; `None` for generated scenes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub provenance: Option<Digest>,
     /// Scene ids that evolution may see, in pool order, and those that stay closed until it is over.
@@ -103,7 +103,7 @@ pub struct Versions {
     pub eval: u32,
 }
 
-/// A lineage's initial generator.
+/// Initial generator of a lineage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParentAdopted {
     /// Whose parent.
@@ -114,7 +114,7 @@ pub struct ParentAdopted {
     pub program: Program,
     /// Hash of its content.
     pub program_hash: Digest,
-    /// Runs that it came out of, the oldest first, where the experiment names a file; empty for a family's own parent.
+    /// Runs that it came from, the oldest first, where the experiment names a file; empty for a family's own parent.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub origins: Vec<Origin>,
 }
@@ -145,7 +145,7 @@ pub struct Frozen {
     pub drawn: Vec<FrozenParent>,
     /// The front as measured on the scenes of all windows so far.
     pub front: Vec<FrontPoint>,
-    /// How many scenes those are.
+    /// Number of scenes in all windows so far.
     pub scenes_so_far: usize,
     /// Digest of the world evaluator's snapshot φ_t.
     pub world: Digest,
@@ -156,13 +156,13 @@ pub struct Frozen {
 }
 
 impl Frozen {
-    /// Place of a slot's parent among those of the epoch: 0 for the first one.
+    /// Returns the place of a slot's parent among those of the epoch: 0 for the first one.
     pub fn parent_place(&self, slot: u32) -> usize {
         if self.drawn.is_empty() { usize::from(self.second_parent(slot).is_some()) } else { slot as usize + 1 }
     }
 
-    /// The second parent that a slot edits; `None` where it edits the first. Under the rule of two anchors the odd slots edit the
-    /// second; else every third slot, whose target is to widen the front, edits the portfolio's member.
+    /// Returns the second parent that a slot edits; `None` where it edits the first. Under the rule of two anchors the odd slots edit
+    /// the second; otherwise every third slot, whose target is to widen the front, edits the portfolio's member.
     pub fn second_parent(&self, slot: u32) -> Option<&FrozenParent> {
         if !self.drawn.is_empty() {
             return self.drawn.get(slot as usize);
@@ -224,7 +224,7 @@ pub struct FrontPoint {
     pub objectives: Objectives,
 }
 
-/// Labels of a finalist on the whole evolution pool: what the final choice rests on.
+/// Labels of a finalist on the whole evolution pool: the basis of the final choice.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finalist {
     /// Whose finalist.
@@ -254,11 +254,11 @@ pub struct HeldOut {
 /// Last event: the result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunResult {
-    /// The recorded scenes without a program, by ego and suite: what every number below is to be compared with.
+    /// The recorded scenes without a program, by ego and suite: the baseline of every number below.
     pub replay: Vec<ReplayRow>,
-    /// One result a lineage, in the experiment's order.
+    /// One result per lineage, in the experiment's order.
     pub lineages: Vec<LineageResult>,
-    /// How many attempts left by which exit.
+    /// Number of attempts that left by each exit.
     pub exits: ExitCounts,
     /// Epochs that were run.
     pub epochs: u32,
@@ -266,7 +266,7 @@ pub struct RunResult {
     pub rollouts: usize,
 }
 
-/// How many attempts left by which exit.
+/// Number of attempts that left by each exit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ExitCounts {
     /// No usable patch.
@@ -320,8 +320,8 @@ pub struct LineageResult {
     pub cut: Vec<SolutionId>,
     /// The best evaluated descendant of the local trace.
     pub endpoint: Option<Measured>,
-    /// Whom the rule chooses at other values of `realism_min`, that of the active generator among them, in rising order; empty
-    /// where the experiment declares none.
+    /// Programs that the rule chooses at other values of `realism_min`, that of the active generator among them, in rising order;
+    /// empty where the experiment declares none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub at_realism: Vec<AtRealism>,
     /// Matched-budget frontier gain, percent (paper eq. app-pf-area, k = 3).
@@ -333,7 +333,7 @@ pub struct LineageResult {
     pub front: Vec<FrontPoint>,
     /// Hypervolume of the front after each epoch. `[epochs]`
     pub hypervolume_by_epoch: Vec<f64>,
-    /// How many attempts left by which exit.
+    /// Number of attempts that left by each exit.
     pub exits: ExitCounts,
     /// Number of held-out scenes that were labelled.
     pub held_out_scenes: usize,
@@ -344,7 +344,7 @@ pub struct LineageResult {
 pub struct AtRealism {
     /// Least realism on evolution scenes, 1.
     pub realism_min: f64,
-    /// Whether it reaches that; else it is the most realistic one.
+    /// True if it reaches that realism; otherwise it is the most realistic one.
     pub reached: bool,
     /// The program on the held-out scenes. It may be the parent.
     pub chosen: Measured,

@@ -1,4 +1,4 @@
-//! A step of what a program does with a scene.
+//! A step that a program takes with a scene.
 
 use serde::Serialize;
 
@@ -7,8 +7,8 @@ use serde::Serialize;
 pub struct FlowStep {
     /// How deep it stands: a step of one of two ways stands below the node in which they meet.
     pub depth: usize,
-    /// What is done.
+    /// Description of the step in words.
     pub says: String,
-    /// Whether the program to compare with has no such step, or one with other settings.
+    /// True if the program to compare with has no such step, or one with other settings.
     pub is_new: bool,
 }

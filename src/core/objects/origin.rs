@@ -1,4 +1,4 @@
-//! Where a program was made that now travels in a file: the run, the attempt, the models that its proposals came from; or the hand
+//! Origin of a program that now travels in a file: the run, the attempt and the models that its proposals came from, or the hand
 //! that wrote it.
 
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use std::fmt;
 use super::ids::SolutionId;
 use crate::kernel::Digest;
 
-/// One step of a program's way here.
+/// One step in the history of a program.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Origin {
@@ -36,9 +36,9 @@ pub struct RunOrigin {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HandOrigin {
-    /// The name that it has since.
+    /// Its name since then.
     pub by_hand: SolutionId,
-    /// Hash of the program that it was before; none where it was written from nothing.
+    /// Hash of the program that it was before; `None` where it was written from nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from: Option<Digest>,
 }
@@ -66,7 +66,7 @@ impl Origin {
         }
     }
 
-    /// In a few words, for captions.
+    /// Returns the origin in a few words, for captions.
     pub fn short(&self) -> String {
         match self {
             Origin::Hand(_) => "written by hand".into(),

@@ -9,7 +9,7 @@ use crate::kernel::{Digest, canon::CanonError};
 pub const EDITABLE_SURFACE: [&str; 4] =
     ["/parameters", "/operator_graph", "/scenario_conditioned_policy", "/mechanism_modules"];
 
-/// What agents return (paper, prompt catalog). Unknown fields are refused.
+/// Edit that agents return (paper, prompt catalog). Unknown fields are refused.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProgramPatch {
@@ -38,9 +38,9 @@ pub struct ProgramPatch {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Operation {
-    /// What is done.
+    /// Kind of the edit.
     pub op: OperationKind,
-    /// Where: a JSON Pointer into the program.
+    /// Place of the edit: a JSON Pointer into the program.
     pub path: String,
     /// Needed by `add` and `replace`, forbidden in `remove`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -48,7 +48,7 @@ pub struct Operation {
 }
 
 impl Operation {
-    /// The edit as a reader needs it: what is done, where, and the new value.
+    /// Returns the edit as a reader needs it: its kind, its place, and the new value.
     pub fn in_words(&self) -> String {
         let value = self.value.as_ref().map_or(String::new(), |value| format!(" = {value}"));
         let kind = match self.op {
@@ -60,7 +60,7 @@ impl Operation {
     }
 }
 
-/// What an operation does.
+/// Kind of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OperationKind {

@@ -25,7 +25,7 @@ pub enum Slot {
     Search,
     /// O_filter: which of them are removed.
     Filter,
-    /// What an adversary does while it observes the ego, from some step of its motion on.
+    /// Behaviour of an adversary while it observes the ego, from some step of its motion on.
     Law,
     /// O_div: which of those left is taken.
     Diversity,
@@ -89,7 +89,7 @@ pub enum Setting {
 pub const BODY_SETTING: &str = "shape";
 
 impl Setting {
-    /// Of a module the name that its proposer gave it, in quotes; of a parameter that it is followed.
+    /// Returns the value in words: for a module its name in quotes, for a parameter `as` and its name.
     pub fn in_words(&self) -> String {
         match self {
             Setting::Number(number) => number.to_string(),
@@ -152,11 +152,11 @@ pub struct PolicyRule {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MechanismModule {
-    /// Where it may be plugged in: one of the contract's mechanism slots (`actor_score`, `guard`, ...).
+    /// Slot that it may be plugged into: one of the contract's mechanism slots (`actor_score`, `guard`, ...).
     pub slot: String,
     /// Features and parameters that the expression reads; each must be legal in the slot.
     pub inputs: Vec<String>,
-    /// What the expression gives.
+    /// Type of the expression's value.
     pub output: ValueType,
     /// The expression's text.
     pub expression: String,
@@ -228,7 +228,7 @@ impl Program {
         Digest::of("evodrive/program/1", &content)
     }
 
-    /// A family's parent program as the beginning of a lineage: solution `<lineage>/parent`, generation 0, no
+    /// Returns a family's parent program as the beginning of a lineage: solution `<lineage>/parent`, generation 0, no
     /// ancestors.
     pub fn adopted(&self, lineage: &LineageId) -> Program {
         Program {
@@ -240,7 +240,7 @@ impl Program {
         }
     }
 
-    /// Whether its lineage begins with it.
+    /// Returns `true` if its lineage begins with it.
     pub fn is_parent(&self) -> bool {
         self.solution_id == parent_of(&self.lineage_id)
     }

@@ -1,5 +1,5 @@
-//! The do-nothing row: the recorded scenes played without a program. The first row of tables, so that nobody takes for
-//! a program's merit what the ego runs into anyway.
+//! The do-nothing row: the recorded scenes played without a program. It is the first row of tables, so that contacts that happen
+//! anyway are not taken for a program's merit.
 
 use serde::{Deserialize, Serialize};
 
@@ -23,7 +23,7 @@ pub enum Suite {
 pub struct ReplayScene {
     /// Id of the scene.
     pub scene: String,
-    /// Whether the ego meets anyone.
+    /// True if the ego meets anyone.
     pub contact: bool,
     /// Mean r_MD of the vehicles that a program could take, as they were recorded: each judged alone, against what
     /// traffic of its kind shows and without its own recording as an excuse. `None` where no vehicle moves.
@@ -47,16 +47,16 @@ pub struct ReplayRow {
     pub ego: String,
     /// Which scenes.
     pub suite: Suite,
-    /// How many of them could be played.
+    /// Number of scenes that could be played.
     pub scenes: usize,
-    /// Share of scenes in which the ego meets anyone: what a program that does nothing would be credited with if any
-    /// contact counted; [`ReplayRow::attack`] is what it is credited with.
+    /// Share of scenes in which the ego meets anyone: the score of a program that does nothing if any contact counted. Its
+    /// actual score is [`ReplayRow::attack`].
     pub contact_rate: f64,
     /// Realism of the recorded traffic itself: mean over the scenes that have one, 0..=1.
     pub realism: Option<f64>,
     /// Mean share of the ego's route driven, 0..=1.
     pub route_completion: f64,
-    /// What the empty program scores in SafeBench's protocol; `None` in MetaDrive's.
+    /// Score of the empty program in SafeBench's protocol; `None` in MetaDrive's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub benchmark: Option<BenchmarkRow>,
 }
@@ -76,6 +76,6 @@ pub struct Replayed {
     pub row: ReplayRow,
     /// The scenes that could be played.
     pub scenes: Vec<ReplayScene>,
-    /// The others, and why.
+    /// The scenes that could not be played, and why.
     pub failures: Vec<SceneFailure>,
 }

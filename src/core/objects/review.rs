@@ -53,12 +53,12 @@ impl Role {
 pub struct Review {
     /// Which critic.
     pub role: Role,
-    /// What it advises.
+    /// Advice of the critic.
     pub decision: Advice,
-    /// What must be mended before the edit can be accepted.
+    /// Faults that must be mended before the edit can be accepted.
     #[serde(default)]
     pub blockers: Vec<String>,
-    /// How it could be mended.
+    /// Ways to mend the faults.
     #[serde(default)]
     pub repair_hints: Vec<String>,
     /// Words for the risks that it sees.

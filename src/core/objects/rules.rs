@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
-/// What is asked for beyond the paper: the words of a list, all of them where there is no list.
+/// Requirements beyond the paper: the words of a list, or all of them where there is no list.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Required<T: Ord>(Option<BTreeSet<T>>);
@@ -17,44 +17,44 @@ impl<T: Ord> Default for Required<T> {
 }
 
 impl<T: Ord> Required<T> {
-    /// These alone.
+    /// Requires these alone.
     pub fn only(of: impl IntoIterator<Item = T>) -> Required<T> {
         Required(Some(of.into_iter().collect()))
     }
 
-    /// Whether this is asked for.
+    /// Returns `true` if this is required.
     pub fn has(&self, of: T) -> bool {
         self.0.as_ref().is_none_or(|listed| listed.contains(&of))
     }
 
-    /// Whether there is no list.
+    /// Returns `true` if there is no list.
     pub fn is_unsaid(&self) -> bool {
         self.0.is_none()
     }
 }
 
-/// A switch that is on where a file does not say.
+/// Returns the value of a switch that is on where a file does not say.
 pub fn yes() -> bool {
     true
 }
 
-/// Whether such a switch is as in a file without the key.
+/// Returns `true` if such a switch is as in a file without the key.
 pub fn is_yes(value: &bool) -> bool {
     *value
 }
 
-/// Whether a value is that of a file without the key.
+/// Returns `true` if a value is that of a file without the key.
 pub fn is_unsaid<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
-/// `evaluation.attack.requires`: what a contact of the ego needs besides its class, so that it is an attack.
+/// `evaluation.attack.requires`: conditions besides its class that make a contact of the ego an attack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AttackRequirement {
     /// It is with an adversary of the program.
     Adversary,
-    /// Whom the ego meets moved differently than recorded.
+    /// The road user that the ego meets moved differently than recorded.
     Acts,
     /// The ego does not run into the same one in plain replay.
     NotMetAnyway,
@@ -65,16 +65,16 @@ impl AttackRequirement {
     pub const NAMES: [&str; 3] = ["adversary", "acts", "not_met_anyway"];
 }
 
-/// `evaluation.realism.mean`: what R(c) is.
+/// `evaluation.realism.mean`: the mean that gives R(c).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RealismMean {
-    /// The mean over the scenes acted in, and no more than that over successes.
+    /// The mean over the scenes acted in, but at most the mean over successes.
     #[default]
     Strict,
     /// The mean over all labelled scenes, those that nobody touched counting 1 (paper eq. prelim-objectives).
     Plain,
-    /// The strict one, and no more than the share of scenes acted in, nor of successes, where no diagnostic fails outright: a mean hides a
+    /// The strict mean, but at most the share of scenes acted in, and of successes, where no diagnostic fails outright: a mean hides a
     /// diagnostic of little weight that fails in most scenes.
     Sound,
 }
@@ -84,14 +84,14 @@ impl RealismMean {
     pub const NAMES: [&str; 3] = ["strict", "plain", "sound"];
 }
 
-/// `lineage[].over_egos`: what a scene's attack is, where a program is played against several drivers.
+/// `lineage[].over_egos`: attack of a scene where a program is played against several drivers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OverEgos {
     /// The mean over the drivers.
     #[default]
     Mean,
-    /// That against the driver whom it troubles least.
+    /// The attack against the driver that it troubles least.
     Worst,
 }
 
@@ -109,36 +109,36 @@ impl OverEgos {
     }
 }
 
-/// By which rules a score was summed up.
+/// Rules by which a score was summed up.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LabelRules {
-    /// What realism is a mean of.
+    /// Mean that gives realism.
     #[serde(default, skip_serializing_if = "is_unsaid")]
     pub mean: RealismMean,
-    /// What a contact needed to count.
+    /// Requirements for a contact to count.
     #[serde(default, skip_serializing_if = "Required::is_unsaid")]
     pub attack: Required<AttackRequirement>,
-    /// What a scene's label is of those against several drivers, where there are several.
+    /// Rule that combines a scene's labels against several drivers, where there are several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub over_egos: Option<OverEgos>,
 }
 
 impl LabelRules {
-    /// Whether a contact counts that no program brought about, so that doing nothing scores.
+    /// Returns `true` if a contact counts that no program brought about, so that doing nothing scores.
     pub fn counts_any_contact(&self) -> bool {
         use AttackRequirement::{Acts, Adversary, NotMetAnyway};
         [Adversary, Acts, NotMetAnyway].into_iter().all(|of| !self.attack.has(of))
     }
 }
 
-/// `archive.requires`: what a child must do besides what a gate asks, so that it is accepted.
+/// `archive.requires`: conditions for acceptance of a child besides those of a gate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AcceptanceRequirement {
-    /// It acts in some scene; whoever does not never leads either.
+    /// It acts in some scene; a child that does not never leads either.
     Acts,
-    /// It has another label than its parent in some scene.
+    /// Its label differs from its parent's in some scene.
     Differs,
 }
 
@@ -147,14 +147,14 @@ impl AcceptanceRequirement {
     pub const NAMES: [&str; 2] = ["acts", "differs"];
 }
 
-/// `archive.front`: whose points the front is made of.
+/// `archive.front`: the programs whose points make up the front.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FrontOf {
-    /// Of accepted programs.
+    /// Points of accepted programs.
     #[default]
     Accepted,
-    /// Of all evaluated ones (paper: H_t).
+    /// Points of all evaluated programs (paper: H_t).
     Evaluated,
 }
 
@@ -163,7 +163,7 @@ impl FrontOf {
     pub const NAMES: [&str; 2] = ["accepted", "evaluated"];
 }
 
-/// `archive.front_per`: who has a front of its own.
+/// `archive.front_per`: the unit that has a front of its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FrontPer {
@@ -179,7 +179,7 @@ impl FrontPer {
     pub const NAMES: [&str; 2] = ["lineage", "group"];
 }
 
-/// `archive.judged_on`: on which scenes a child is compared with its parent and the front.
+/// `archive.judged_on`: the scenes on which a child is compared with its parent and the front.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum JudgedOn {
@@ -211,7 +211,7 @@ impl Ties {
     pub const NAMES: [&str; 2] = ["first", "all"];
 }
 
-/// `selector.rule`: whom of those realistic enough the selector reports.
+/// `selector.rule`: which of the programs that are realistic enough the selector reports.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ReportedBy {
@@ -231,7 +231,7 @@ impl ReportedBy {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Taking {
-    /// Successes of the front first, no surpassed ones; of one kind half at most, of an attempt one.
+    /// Successes of the front first, none that was surpassed; at most half of them of one kind and one of an attempt.
     #[default]
     Mixed,
     /// The M with the highest scores (paper: TopM).
@@ -243,11 +243,11 @@ impl Taking {
     pub const NAMES: [&str; 2] = ["mixed", "top_m"];
 }
 
-/// `proposals.unreadable_critic`: what becomes of a proposal of which a critic gave no readable review.
+/// `proposals.unreadable_critic`: fate of a proposal for which a critic gave no readable review.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum UnreadableCritic {
-    /// The critic is asked once more, and then has no say.
+    /// The critic is asked once more. If that fails too, it does not count.
     #[default]
     Abstains,
     /// The proposal ends there (paper: malformed JSON is a failure before simulation).
@@ -259,7 +259,7 @@ impl UnreadableCritic {
     pub const NAMES: [&str; 2] = ["abstains", "blocks"];
 }
 
-/// `proposals.unreadable_patch`: what becomes of a proposal whose patch cannot be read.
+/// `proposals.unreadable_patch`: fate of a proposal whose patch cannot be read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum UnreadablePatch {
@@ -282,7 +282,7 @@ pub enum GatesAsked {
     /// Before its critics, who are told the verdicts; what a gate refuses is repaired while rounds are left.
     #[default]
     BeforeCritics,
-    /// After the role loop, once: whom all critics approve is final (paper alg:actor_critic_mutation).
+    /// After the role loop, once: a patch that all critics approve is final (paper alg:actor_critic_mutation).
     AfterCritics,
 }
 

@@ -57,13 +57,13 @@ pub struct Score {
     /// Rows of SafeBench's protocol, from which the objectives are taken; `None` in MetaDrive's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub benchmark: Option<Box<Benchmark>>,
-    /// By which rules the labels were summed up.
+    /// Rules by which the labels were summed up.
     #[serde(default, skip_serializing_if = "is_unsaid")]
     pub rules: LabelRules,
 }
 
 impl Score {
-    /// What people call the realism among the objectives: by its own name in either protocol, so that nobody takes it for the
+    /// Returns the name for people of the realism among the objectives. Each protocol has its own, so that nobody takes it for the
     /// mean over the scenes acted in.
     pub fn realism_name(&self) -> &'static str {
         realism_name(self.benchmark.is_some(), self.rules.mean)
@@ -80,7 +80,7 @@ pub const fn realism_name(safebench: bool, mean: RealismMean) -> &'static str {
     }
 }
 
-/// What R(c) is summed up from: a program is as realistic as the scenes that it acts in, and no more so than the scenes in
+/// Sums that R(c) is computed from: a program is as realistic as the scenes that it acts in, and no more so than the scenes in
 /// which it succeeds. Without the second half a program could keep its successes as they are and buy realism with pushes
 /// of a few centimetres elsewhere.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -97,7 +97,7 @@ pub struct RealismSums {
 }
 
 impl RealismSums {
-    /// Over these labels, in their order.
+    /// Sums these labels up, in their order.
     pub fn of<'s>(scenes: impl IntoIterator<Item = &'s SceneScore>) -> RealismSums {
         let mut sums = RealismSums::default();
         scenes.into_iter().for_each(|scene| sums.add(scene));
@@ -121,7 +121,7 @@ impl RealismSums {
         }
     }
 
-    /// The same without one of the labels.
+    /// Returns the sums without one of the labels.
     pub fn without(mut self, scene: &SceneScore) -> RealismSums {
         self.labelled -= 1;
         self.realism -= scene.realism;
@@ -139,7 +139,7 @@ impl RealismSums {
         self
     }
 
-    /// In how many scenes the program acts.
+    /// Returns the number of scenes in which the program acts.
     pub fn acted(&self) -> usize {
         self.acted
     }
@@ -154,7 +154,7 @@ impl RealismSums {
         (self.acted > 0).then(|| self.failing as f64 / self.acted as f64)
     }
 
-    /// R(c) by one of the rules.
+    /// Returns R(c) by one of the rules.
     pub fn realism(&self, mean: RealismMean) -> Option<f64> {
         match mean {
             RealismMean::Strict => self.strict(),
@@ -184,12 +184,12 @@ impl RealismSums {
 pub struct SceneScore {
     /// Id of the scene.
     pub scene: String,
-    /// a(τ), 0..=1; but for [`LabelRules`] 0 where the program does not act, and where the ego meets a road user that it also runs into
-    /// without the program.
+    /// a(τ), 0..=1. Unless [`LabelRules`] say otherwise, 0 where the program does not act, and where the ego meets a road user that it
+    /// also runs into without the program.
     pub attack: f64,
     /// r(τ), 0..=1; 1 where the program does not act, and counts into the objective only where it does.
     pub realism: f64,
-    /// Whether the motion of some adversary really differs from what replay shows.
+    /// True if the motion of some adversary really differs from what replay shows.
     pub acted: bool,
     /// d_j of each realism diagnostic, 1 = satisfied.
     pub diagnostics: BTreeMap<String, f64>,
@@ -199,13 +199,13 @@ pub struct SceneScore {
     /// The road user that the ego met, if any: the first contact, which ends the rollout.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact: Option<Met>,
-    /// Whether the program asked for an intervention in this scene.
+    /// True if the program asked for an intervention in this scene.
     pub intervened: bool,
-    /// Where the program was played against several drivers, the label against each alone, by the driver's name. Contact, request and
+    /// Label against each driver alone, by the driver's name, where the program was played against several. Contact, request and
     /// record of this label are then those of the lineage's first driver.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub by_ego: BTreeMap<String, SceneScore>,
-    /// Key of the rollout request, and digest of the stored rollout record.
+    /// Key of the rollout request.
     pub request: Digest,
     /// Digest of the stored rollout record.
     pub record: Digest,
@@ -215,12 +215,12 @@ pub struct SceneScore {
 const FAILS_BELOW: f64 = 0.5;
 
 impl SceneScore {
-    /// Whether some realism diagnostic fails outright, whatever its weight.
+    /// Returns `true` if some realism diagnostic fails outright, whatever its weight.
     pub fn fails_outright(&self) -> bool {
         self.diagnostics.values().any(|d| *d < FAILS_BELOW)
     }
 
-    /// The labels of single rollouts behind this one: itself, or one a driver.
+    /// Returns the labels of single rollouts behind this one: itself, or one per driver.
     pub fn each(&self) -> impl Iterator<Item = &SceneScore> {
         let own = self.by_ego.is_empty().then_some(self);
         own.into_iter().chain(self.by_ego.values())
@@ -231,20 +231,20 @@ impl SceneScore {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Met {
-    /// Whether it is an adversary of the program, and not a road user that the program left alone.
+    /// True for an adversary of the program, false for a road user that the program left alone.
     pub adversary: bool,
-    /// Who struck whom, on which side: the name of a contact class of the simulator.
+    /// Name of the simulator's contact class: who struck whom, on which side.
     pub class: String,
-    /// Whether the ego could have avoided it; `None` where nobody assessed that.
+    /// True if the ego could have avoided it; `None` where nobody assessed that.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub avoidable: Option<bool>,
     /// The clause of nuPlan's rule that decides who is at fault, where outcomes say it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<String>,
-    /// How many of how many drivers would have avoided it, where outcomes say it.
+    /// Number of drivers that would have avoided it, and number of drivers asked, where outcomes say it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub avoided_by: Option<[usize; 2]>,
-    /// Whether the ego runs into the same one in plain replay.
+    /// True if the ego runs into the same one in plain replay.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub anyway: bool,
 }
@@ -256,20 +256,20 @@ pub struct SceneFailure {
     pub scene: String,
     /// Why it has no label.
     pub reason: String,
-    /// Whether the driver under test took too long for a decision: neither a crash nor a success.
+    /// True if the driver under test took too long for a decision: neither a crash nor a success.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub too_slow: bool,
-    /// Whether the driver under test abandoned the scene: likewise.
+    /// True if the driver under test abandoned the scene: neither a crash nor a success.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub abandoned: bool,
 }
 
-/// In how many of these scenes the driver was too slow.
+/// Returns the number of these scenes in which the driver was too slow.
 pub fn too_slow(failures: &[SceneFailure]) -> usize {
     failures.iter().filter(|failure| failure.too_slow).count()
 }
 
-/// How many of these scenes the driver abandoned.
+/// Returns the number of these scenes that the driver abandoned.
 pub fn abandoned(failures: &[SceneFailure]) -> usize {
     failures.iter().filter(|failure| failure.abandoned).count()
 }
@@ -291,11 +291,11 @@ mod tests {
         let mut sums = RealismSums::of(&(0..100).map(|place| label(place < 62)).collect::<Vec<_>>());
         let (strict, sound) = (sums.realism(RealismMean::Strict).unwrap(), sums.realism(RealismMean::Sound).unwrap());
         assert!(strict > 0.95 && (sound - 0.38).abs() < 1e-12, "{strict} {sound}");
-        // One who acts nowhere makes it no better, and one scene less is one scene less.
+        // A scene without action makes it no better, and taking a scene out removes all of it.
         sums.add(&SceneScore { acted: false, attack: 0.0, ..label(true) });
         assert_eq!(sums.failing_share(), Some(0.62));
         assert_eq!(sums.without(&label(true)).failing_share(), Some(61.0 / 99.0));
-        // Who fails nowhere is as sound as strict.
+        // Without a failing diagnostic, sound realism equals strict realism.
         let clean = RealismSums::of(&[label(false)]);
         assert_eq!(clean.realism(RealismMean::Sound), clean.realism(RealismMean::Strict));
         assert_eq!(RealismSums::default().realism(RealismMean::Sound), None);

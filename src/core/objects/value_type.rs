@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What a mechanism's expression gives.
+/// Type of the value that a mechanism's expression gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ValueType {

@@ -16,9 +16,9 @@ use crate::kernel::{Digest, canon::CanonError};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FeatureGroup {
-    /// One indicator a family.
+    /// One indicator per family.
     Family,
-    /// What the patch edits.
+    /// Parts of the program that the patch edits.
     Edit,
     /// The child's operator graph.
     Graph,
@@ -26,11 +26,11 @@ pub enum FeatureGroup {
     Scene,
     /// The adversaries' interaction with the ego.
     Interaction,
-    /// What the parent did.
+    /// Outcome of the parent.
     Parent,
-    /// What the compiled interventions look like without a rollout.
+    /// Probes of the compiled interventions, without a rollout.
     Probe,
-    /// What our own simulator shows, where another one makes the labels.
+    /// Rollouts in our own simulator, where another one makes the labels.
     Simulated,
     /// The policy under test (`[world.pairs]`).
     Ego,
@@ -38,7 +38,7 @@ pub enum FeatureGroup {
     Mechanism,
     /// Realism diagnostics that need no rollout of the child (`[world.pairs]`).
     Realism,
-    /// What earlier predictions of like candidates missed (`[world.pairs]`).
+    /// Errors of earlier predictions of similar candidates (`[world.pairs]`).
     Calibration,
 }
 
@@ -78,13 +78,13 @@ impl FeatureGroup {
     }
 }
 
-/// One number of x(c, s); the unit stands last in the name.
+/// One number of x(c, s); the name ends with the unit.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FeatureColumn {
     /// Name in snapshots and reports.
     pub name: String,
-    /// What the column is about.
+    /// Group that the column belongs to.
     pub group: FeatureGroup,
 }
 
@@ -94,7 +94,7 @@ pub struct FeatureColumn {
 pub struct FeatureSchema {
     /// One indicator each, in this order.
     pub families: Vec<FamilyName>,
-    /// One entry a column, in the order of the values.
+    /// One entry per column, in the order of the values.
     pub columns: Vec<FeatureColumn>,
 }
 
@@ -105,7 +105,7 @@ impl FeatureSchema {
     }
 }
 
-/// What a compiled intervention looks like without a rollout: a counterfactual probe. Over several adversaries it holds the
+/// Counterfactual probe: measures of a compiled intervention without a rollout. Over several adversaries it holds the
 /// nearest, the earliest and the largest.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -127,7 +127,7 @@ pub struct Probe {
 }
 
 impl Probe {
-    /// Where nobody does anything.
+    /// Probe of a scene where nobody does anything.
     pub const NOTHING: Probe = Probe {
         ego_distance_m_min: 100.0,
         conflict_s: 20.0,
@@ -138,7 +138,7 @@ impl Probe {
         actors: 0.0,
     };
 
-    /// Its numbers, in the order of the fields.
+    /// Returns its numbers, in the order of the fields.
     pub fn values(&self) -> [f64; 7] {
         [
             self.ego_distance_m_min,
@@ -156,11 +156,11 @@ impl Probe {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProbePair {
-    /// What the child would do.
+    /// Probe of the child.
     pub child: Probe,
-    /// What its parent does.
+    /// Probe of its parent.
     pub parent: Probe,
-    /// Whether the interventions are the same, bit for bit.
+    /// True if the interventions are the same, bit for bit.
     pub same: bool,
 }
 
@@ -168,7 +168,7 @@ pub struct ProbePair {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldRow {
-    /// One number a column of the schema.
+    /// One number per column of the schema.
     pub features: Vec<f64>,
     /// Share of the scenes in which the child may differ from its parent, in [0, 1]. In the others both compile to the same, so
     /// that the difference there is known to be zero.
@@ -179,7 +179,7 @@ pub struct WorldRow {
     pub family: FamilyName,
     /// The candidate's mechanism tags joined.
     pub mechanism_class: String,
-    /// x(c, s), scene of the window by scene, where the evaluator predicts pairs; the features above are their means then.
+    /// x(c, s) for each scene of the window, where the evaluator predicts pairs; the features above are then their means.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub pairs: Vec<PairRow>,
 }
@@ -188,9 +188,9 @@ pub struct WorldRow {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PairRow {
-    /// One number a column of the schema.
+    /// One number per column of the schema.
     pub features: Vec<f64>,
-    /// The parent's label in the scene; that on the window where the scene has none.
+    /// The parent's label in the scene, or its label on the window where the scene has none.
     pub parent: Objectives,
 }
 
@@ -204,7 +204,7 @@ pub struct WorldLabel {
     pub solution: SolutionId,
     /// The epoch in which it was evaluated.
     pub epoch: u32,
-    /// ξ: what the prediction rested on.
+    /// ξ: the basis of the prediction.
     pub row: WorldRow,
     /// A and R on the window, each in [0, 1].
     pub labels: Objectives,
@@ -212,9 +212,9 @@ pub struct WorldLabel {
     pub diagnostics: BTreeMap<String, f64>,
     /// The routing decision about the candidate.
     pub decision: RouteDecision,
-    /// What was predicted before there were labels.
+    /// Prediction made before there were labels.
     pub predicted: Objectives,
-    /// Whether the archive accepted it.
+    /// True if the archive accepted it.
     pub accepted: bool,
     /// Its label in each scene of `row.pairs`, each in [0, 1]; `None` where a rollout failed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -222,7 +222,7 @@ pub struct WorldLabel {
 }
 
 impl WorldLabel {
-    /// What the child's labels differ from its parent's by.
+    /// Returns the child's labels less its parent's.
     pub fn difference(&self) -> Objectives {
         self.labels.less(&self.row.parent)
     }
@@ -232,9 +232,9 @@ impl WorldLabel {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CalibrationGroup {
-    /// One group a family.
+    /// One group per family.
     Family,
-    /// One group a class of mechanism.
+    /// One group per class of mechanism.
     MechanismClass,
 }
 
@@ -250,13 +250,13 @@ pub enum WorldModel {
     Simulator,
 }
 
-/// Who gets the rollouts of an epoch's budget.
+/// Rule that picks the candidates for the rollouts of an epoch's budget.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RoutingChoice {
     /// The candidates that the evaluator ranks first, and a random draw of the others.
     Ranked,
-    /// A random draw: what the evaluator is to be compared with.
+    /// A random draw: the baseline for the evaluator.
     Random,
 }
 
@@ -286,7 +286,7 @@ pub struct WorldConfiguration {
     pub interval_level: f64,
     /// Weight of a difference of realism against one of attack in the rank, >= 0.
     pub realism_weight: f64,
-    /// Weight of the uncertainty in the rank, >= 0: what is little known is tried first.
+    /// Weight of the uncertainty in the rank, >= 0, so that little-known candidates are tried first.
     pub explore: f64,
     /// Thresholds and shares of routing.
     pub routing: RoutingOptions,
@@ -295,12 +295,12 @@ pub struct WorldConfiguration {
     pub pairs: Option<PairOptions>,
 }
 
-/// `[world.pairs]`: a row a pair of candidate and scene, uncertainties aggregated conservatively, routing by value and uncertainty
+/// `[world.pairs]`: one row per pair of candidate and scene, uncertainties aggregated conservatively, routing by value and uncertainty
 /// (paper, section World-Conditioned Candidate Routing and its appendix). The regression is the ridge line: its uncertainty is known.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PairOptions {
-    /// Agg: the quantile of the scenes' uncertainties that is the candidate's, in [0.5, 1]; 1 is their maximum.
+    /// Agg: the quantile of the scenes' uncertainties that is taken for the candidate's, in [0.5, 1]; 1 is their maximum.
     pub aggregate: f64,
     /// Uncertainty above which the evaluator abstains: it expects what the parent does, and leaves the candidate to the audits. In (0, 1].
     pub abstain_above: f64,
@@ -317,33 +317,33 @@ impl WorldConfiguration {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RoutingOptions {
-    /// Candidates that are simulated an epoch, audits among them.
+    /// Number of candidates that are simulated per epoch, audits included.
     pub rollout_budget: u32,
-    /// Who gets them.
+    /// Rule that picks these candidates.
     pub choice: RoutingChoice,
     /// λ_A: attack that a candidate may lose against its parent, as predicted, 1.
     pub lambda_a: f64,
     /// λ_R: realism that it may lose, 1.
     pub lambda_r: f64,
-    /// λ_U: largest uncertainty at which a candidate that is predicted to lose more is turned away for it, 1.
+    /// λ_U: largest uncertainty at which a candidate is turned away for a predicted loss beyond these, 1.
     pub lambda_u: f64,
     /// Share of the budget that is drawn at random among those that the rank leaves out, in [0, 1].
     pub audit_share: f64,
-    /// With fewer labelled candidates nobody is ranked: the budget is drawn at random.
+    /// With fewer labelled candidates none is ranked: the budget is drawn at random.
     pub min_labels: u32,
-    /// Rollouts in a few scenes before anybody is ranked; absent where predictions alone rank.
+    /// Rollouts in a few scenes before candidates are ranked; absent where predictions alone rank.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pilot: Option<PilotOptions>,
 }
 
-/// A pilot: every admitted candidate is simulated in a few scenes, and what is seen there corrects its prediction before
+/// A pilot: every admitted candidate is simulated in a few scenes, and the results there correct its prediction before
 /// candidates are ranked (successive halving with two rungs).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PilotOptions {
     /// Scenes of a pilot, at most: of those of the window in which the candidate may differ from its parent.
     pub scenes: u32,
-    /// How many scenes the prediction counts for beside those that were seen.
+    /// Number of scenes that the prediction counts for beside those that were seen.
     pub prior_scenes: f64,
 }
 
@@ -363,7 +363,7 @@ pub struct GroupMean {
 pub struct RidgeLine {
     /// Mean of the target.
     pub intercept: f64,
-    /// One a used column; empty where only the mean could be fitted.
+    /// One weight per used column; empty where only the mean could be fitted.
     pub weights: Vec<f64>,
 }
 
@@ -371,7 +371,7 @@ pub struct RidgeLine {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tree {
-    /// A node's children stand behind it.
+    /// Nodes; children stand after their parent.
     pub nodes: Vec<TreeNode>,
 }
 
@@ -379,20 +379,20 @@ pub struct Tree {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TreeNode {
-    /// Values of the column up to the bound go to `low`, the others to the node behind that.
+    /// Values of the column up to the bound go to `low`, the others to `high`.
     Split {
         /// Place of the column among the used ones.
         column: usize,
-        /// In units of the standardised column.
+        /// Bound, in units of the standardised column.
         bound: f64,
         /// Place of the first child.
         low: usize,
         /// Place of the second child.
         high: usize,
     },
-    /// What is added to the prediction.
+    /// Answer of the tree.
     Leaf {
-        /// Of the target.
+        /// Value added to the prediction, in units of the target.
         value: f64,
     },
 }
@@ -403,7 +403,7 @@ pub enum TreeNode {
 pub struct Boosted {
     /// Mean of the target.
     pub intercept: f64,
-    /// They add up.
+    /// Trees, whose values add up.
     pub trees: Vec<Tree>,
 }
 
@@ -413,11 +413,11 @@ pub struct Boosted {
 pub struct SimulatedSlope {
     /// Place in the schema of the difference that our own simulator shows, as in an open scene; it is not standardised.
     pub column: usize,
-    /// Difference of the label for one of ours.
+    /// Change of the label per unit of our own difference.
     pub slope: f64,
 }
 
-/// What predicts one target.
+/// Predictor of one target.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Regression {
@@ -429,7 +429,7 @@ pub enum Regression {
     Simulated(SimulatedSlope),
 }
 
-/// What was fitted from the labels.
+/// Result of fitting the labels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldFit {
@@ -454,12 +454,12 @@ pub struct WorldFit {
     /// Half width of an interval for a candidate that is open everywhere: the conformal quantile of past errors, each made
     /// before its label was there. `None` where there are too few.
     pub half_width: Option<Objectives>,
-    /// What the prediction of pairs rests on besides; the groups' means are of labels then, not of differences.
+    /// Further basis for predicting pairs; the groups' means are then of labels, not of differences.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pairs: Option<PairFit>,
 }
 
-/// The uncertainty of a line over pairs, and what earlier predictions missed.
+/// Uncertainty of a line over pairs, and errors of earlier predictions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PairFit {
@@ -477,16 +477,16 @@ pub struct PairFit {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldSnapshot {
-    /// What the columns of a row's features are.
+    /// Columns of a row's features.
     pub schema: FeatureSchema,
-    /// What may be evolved in the evaluator.
+    /// Part of the evaluator that may evolve.
     pub configuration: WorldConfiguration,
     /// `None` before the first label.
     pub fit: Option<WorldFit>,
 }
 
 impl WorldSnapshot {
-    /// The name by which routes cite it.
+    /// Returns the name by which routes cite it.
     pub fn digest(&self) -> Result<Digest, CanonError> {
         Digest::of("evodrive/world-snapshot/2", self)
     }

@@ -1,4 +1,4 @@
-//! How good a world evaluator is on labels that it did not know, what a judge made of a change of it, and the record of both
+//! Quality of a world evaluator on labels that it did not know, the judge's verdict on a change of it, and the record of both
 //! (paper, algorithm world_agent_update).
 
 use serde::{Deserialize, Serialize};
@@ -11,17 +11,17 @@ use crate::kernel::Digest;
 pub const WORLD_LINE: &str = "world";
 
 /// Measures of an evaluator over held candidates: each was predicted by a fit to labels of epochs before its own. A candidate that
-/// was drawn counts for as many as it stands for. `None` where there is nothing to measure.
+/// was drawn counts for all those that it stands for. `None` where there is nothing to measure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct WorldMeasures {
     /// Held candidates.
     pub held: usize,
     /// Correlation of the ranks by predicted and by labelled gain (attack and realism added) within epochs of lineages, -1..=1.
     pub rank_correlation: Option<f64>,
-    /// Root mean squared error of the predicted difference of attack, as a share of what it is for the guess that a child is like
+    /// Root mean squared error of the predicted difference of attack, divided by the error of the guess that a child is like
     /// its parent.
     pub attack_error: Option<f64>,
-    /// The same of realism.
+    /// The same error for realism.
     pub realism_error: Option<f64>,
     /// Labels in their intervals, %; attack and realism count one each.
     pub coverage_pct: Option<f64>,
@@ -29,20 +29,20 @@ pub struct WorldMeasures {
     pub false_reject_pct: Option<f64>,
 }
 
-/// What one group of columns leaves unexplained.
+/// Error that one group of columns leaves unexplained.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GroupAudit {
     /// Name of the group.
     pub group: String,
-    /// Its columns, and how many of them the regression leaves out.
+    /// Number of its columns.
     pub columns: usize,
-    /// How many of them the regression leaves out.
+    /// Number of them that the regression leaves out.
     pub excluded: usize,
-    /// The column whose ranks correlate most with what the predicted gain misses, and that correlation.
+    /// The column whose ranks correlate most with the error of the predicted gain, and that correlation.
     pub residual: Option<(String, f64)>,
 }
 
-/// Who was simulated under the decisions of earlier epochs, and what the archive accepted of them.
+/// Candidates simulated under the decisions of earlier epochs, and the share of them that the archive accepted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RoutedShare {
     /// Candidates.
@@ -51,7 +51,7 @@ pub struct RoutedShare {
     pub accepted_pct: Option<f64>,
 }
 
-/// a_W: what a world agent is told of the active evaluator. It follows from labels of epochs before `before_epoch` alone.
+/// a_W: the report to a world agent on the active evaluator. It follows from labels of epochs before `before_epoch` alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WorldAudit {
     /// The epoch for which a change would take effect.
@@ -62,19 +62,19 @@ pub struct WorldAudit {
     pub held_epochs: Vec<u32>,
     /// Share of labels that intervals are to hold, as the experiment declares it, %.
     pub level_pct: f64,
-    /// Over all held candidates.
+    /// Measures over all held candidates.
     pub measures: WorldMeasures,
-    /// Family by family.
+    /// Measures of each family.
     pub families: BTreeMap<FamilyName, WorldMeasures>,
-    /// Group of columns by group of columns.
+    /// Audit of each group of columns.
     pub groups: Vec<GroupAudit>,
-    /// Simulated for their rank.
+    /// Candidates simulated for their rank.
     pub selected: RoutedShare,
-    /// Drawn.
+    /// Candidates that were drawn.
     pub audited: RoutedShare,
 }
 
-/// A rule of the judge, in the order in which they are looked at.
+/// A rule of the judge. The variants stand in the order in which they are checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum JudgeRule {
@@ -88,7 +88,7 @@ pub enum JudgeRule {
     Coverage,
     /// False rejects are no more.
     FalseRejects,
-    /// One of the four gains, by more than its standard error.
+    /// One of the four measures gains, by more than its standard error.
     Gain,
 }
 
@@ -97,49 +97,49 @@ pub enum JudgeRule {
 pub struct Objection {
     /// Which rule.
     pub rule: JudgeRule,
-    /// With its numbers.
+    /// The objection in words, with its numbers.
     pub says: String,
 }
 
-/// What a challenger gains in one measure, larger is better, beside the standard error of that (epochs of lineages left out one
+/// Gain of a challenger in one measure, larger is better, with its standard error (epochs of lineages left out one
 /// by one).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MeasureGain {
     /// The measure's rule.
     pub rule: JudgeRule,
-    /// In the measure's unit.
+    /// Gain, in the measure's unit.
     pub gain: f64,
-    /// Of the same unit; `None` with fewer than three epochs of lineages.
+    /// Standard error, in the same unit; `None` with fewer than three epochs of lineages.
     pub error: Option<f64>,
 }
 
 /// j: a challenger against the incumbent on the same held candidates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Judgement {
-    /// Of the active configuration.
+    /// Measures of the active configuration.
     pub incumbent: WorldMeasures,
-    /// Of the proposed one.
+    /// Measures of the proposed one.
     pub challenger: WorldMeasures,
-    /// What the challenger gains or loses.
+    /// Gains or losses of the challenger.
     pub gains: Vec<MeasureGain>,
     /// Why it is not promoted; empty where it is.
     pub objections: Vec<Objection>,
 }
 
 impl Judgement {
-    /// Whether the challenger becomes the active configuration.
+    /// Returns `true` if the challenger becomes the active configuration.
     pub fn is_accepted(&self) -> bool {
         self.objections.is_empty()
     }
 }
 
-/// The evaluator's turn after an epoch: audit, questions, patch, judgement, and what is active from the next epoch on. The turns
+/// The evaluator's turn after an epoch: audit, questions, patch, judgement, and the configuration from the next epoch on. The turns
 /// of a run are the lineage of its snapshots; rejected ones stay in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WorldEvolved {
-    /// The epoch that was settled before; what is promoted takes effect in the next.
+    /// The epoch that was settled before; a promoted configuration takes effect in the next.
     pub epoch: u32,
-    /// What the agent was told.
+    /// Audit that the agent was given.
     pub audit: WorldAudit,
     /// Every question, in order; a patch outside the surface is a refusal here.
     pub exchanges: Vec<Exchange>,
@@ -149,7 +149,7 @@ pub struct WorldEvolved {
     pub patch: Option<WorldPatch>,
     /// Digest of the configuration that it proposes.
     pub challenger: Option<Digest>,
-    /// What the judge made of it.
+    /// The judge's verdict on it.
     pub judgement: Option<Judgement>,
     /// The configuration from the next epoch on.
     pub active: WorldConfiguration,
@@ -165,7 +165,7 @@ impl WorldEvolved {
         format!("{WORLD_LINE}/e{}", self.epoch)
     }
 
-    /// `promoted`, `rejected`, or `refused` where there was nothing to judge.
+    /// Returns `promoted`, `rejected`, or `refused` where there was nothing to judge.
     pub fn verdict(&self) -> &'static str {
         match &self.judgement {
             None => "refused",

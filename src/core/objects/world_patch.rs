@@ -7,13 +7,13 @@ use std::collections::BTreeMap;
 
 use super::world::{FeatureGroup, FeatureSchema, WorldConfiguration};
 
-/// Δφ: new values of some keys of the surface, and why. Nothing else of a run can be named by it.
+/// Δφ: new values of some keys of the surface, and why. It can name nothing else of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldPatch {
     /// Key of the surface -> its new value.
     pub changes: BTreeMap<String, Value>,
-    /// What is wrong with the active evaluator, in the agent's words.
+    /// Fault of the active evaluator, in the agent's words.
     pub hypothesis: String,
     /// Which measure of the judge should gain.
     pub expected_gain: String,
@@ -21,7 +21,7 @@ pub struct WorldPatch {
     pub rationale: String,
     /// How audits should be drawn.
     pub audit_policy: String,
-    /// What may go wrong.
+    /// Risks of the change.
     pub risk_notes: Vec<String>,
 }
 
@@ -47,14 +47,14 @@ pub struct SurfaceKey {
     pub name: &'static str,
     /// Its values.
     pub range: SurfaceRange,
-    /// What it does, in a sentence, for the prompt.
+    /// Effect of the key, in a sentence, for the prompt.
     pub meaning: &'static str,
 }
 
 /// Why a patch cannot be tried.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PatchRefusal {
-    /// It reaches for what no evaluator may change.
+    /// It names something that no evaluator may change.
     #[error(
         "`{0}` is protected: a patch changes the evaluator's own configuration and nothing else; expected one of {1}"
     )]
@@ -69,17 +69,17 @@ pub enum PatchRefusal {
         name: String,
         /// Its value.
         found: String,
-        /// What it takes.
+        /// Values that the key takes, in words.
         expected: String,
     },
-    /// The configuration that comes out is the one that there is.
+    /// The patch leaves the configuration as it is.
     #[error(
         "nothing is changed: the active configuration has these values; expected another value of one key at least"
     )]
     Unchanged,
 }
 
-/// Words that name what the judge protects: generators, ego, simulator, labels, acceptance, what is spent.
+/// Words that name what the judge protects: generators, ego, simulator, labels, acceptance and budgets.
 const PROTECTED: [&str; 24] = [
     "generator",
     "generators",
@@ -107,15 +107,15 @@ const PROTECTED: [&str; 24] = [
     "judge",
 ];
 
-/// Key -> where it stands in the configuration, where that is another place.
+/// Keys that stand in the configuration's table `routing`.
 const ROUTING: [&str; 4] = ["lambda_a", "lambda_r", "lambda_u", "audit_share"];
-/// The same for the table of an evaluator of pairs.
+/// Keys that stand in the table of an evaluator of pairs.
 const PAIRS: [&str; 2] = ["aggregate", "abstain_above"];
 /// Keys that an evaluator of pairs does not read: its regression is the ridge line.
 const NOT_OF_PAIRS: [&str; 3] = ["model", "trees", "learning_rate"];
 
-/// The surface U_W. `audit_share` are the ends between which audits may be changed, as the experiment declares them. Who has columns of
-/// our own simulator may also rank by these; an evaluator of pairs has its own keys.
+/// Returns the surface U_W. `audit_share` holds the bounds of the audit share that the experiment declares. An evaluator with columns
+/// of our own simulator may also rank by these; an evaluator of pairs has its own keys.
 pub fn update_surface(audit_share: [f64; 2], schema: &FeatureSchema) -> Vec<SurfaceKey> {
     use SurfaceRange::{Columns, Groups, Number, Whole, Word};
     let key = |name, range, meaning| SurfaceKey { name, range, meaning };
@@ -193,7 +193,7 @@ pub fn update_surface(audit_share: [f64; 2], schema: &FeatureSchema) -> Vec<Surf
     surface
 }
 
-/// The table of the configuration in which a key stands; `None`: it stands in none.
+/// Returns the table of the configuration in which a key stands; `None` for a key that stands in none.
 fn table_of(name: &str) -> Option<&'static str> {
     if ROUTING.contains(&name) {
         return Some("routing");
@@ -202,7 +202,7 @@ fn table_of(name: &str) -> Option<&'static str> {
 }
 
 impl SurfaceRange {
-    /// In words.
+    /// Returns the range in words.
     pub fn describe(&self) -> String {
         match self {
             SurfaceRange::Number(low, high) => format!("a number from {low} to {high}"),
@@ -228,7 +228,7 @@ impl SurfaceRange {
 }
 
 impl WorldPatch {
-    /// The configuration with the patch in it.
+    /// Returns the configuration with the patch applied.
     ///
     /// # Errors
     /// A key outside the surface, a value outside its range, a patch that changes nothing.
@@ -265,7 +265,7 @@ impl WorldPatch {
         if changed == *active { Err(PatchRefusal::Unchanged) } else { Ok(changed) }
     }
 
-    /// Columns that it leaves out, in the order of the schema, where it says anything about them.
+    /// Returns the columns that it leaves out, in the order of the schema, if it says anything about them.
     fn excluded(&self, schema: &FeatureSchema) -> Option<Vec<String>> {
         let list = |name: &str| self.changes.get(name).and_then(Value::as_array);
         let names = |list: Option<&Vec<Value>>, name: &str| {
@@ -289,7 +289,7 @@ fn outside(name: &str, surface: &[SurfaceKey]) -> PatchRefusal {
     }
 }
 
-/// What the keys of the surface are now.
+/// Returns the present values of the keys of the surface.
 pub fn surface_values(configuration: &WorldConfiguration, schema: &FeatureSchema, surface: &[SurfaceKey]) -> Value {
     let whole = json!(configuration);
     let excluded = |name: &String| configuration.excluded_columns.contains(name);

@@ -1,12 +1,12 @@
-//! How one road user moves beside the ego, as one row of numbers: what pools are compared by, and by which acted road users are told from
-//! recorded ones.
+//! Motion of one road user beside the ego, as one row of numbers. Pools are compared by these rows, and acted road users are told from
+//! recorded ones by them.
 
 use super::lanes::LaneGraph;
 use super::types::Sample;
 use crate::kernel::{Vec2, num};
 
-/// The numbers of a row with their units, and to what each is rounded: less than that nobody sees who watches, and a classifier shall not tell
-/// road users by how their samples were computed.
+/// Numbers of a row with their units and the step to which each is rounded: a viewer sees nothing finer, and a classifier must not tell
+/// road users apart by how their samples were computed.
 pub const QUANTITIES: [(&str, &str, f64); COLUMNS] = [
     ("speed", "m/s", 0.5),
     ("speed, highest", "m/s", 0.5),
@@ -31,27 +31,27 @@ pub const QUANTITIES: [(&str, &str, f64); COLUMNS] = [
     ("beside its lane, farthest", "m", 0.25),
     ("turned from its lane, most", "rad", 0.1),
 ];
-/// Numbers of a row.
+/// Number of columns of a row.
 pub const COLUMNS: usize = 22;
 
-/// Who never comes nearer than this is not beside the ego, metres.
+/// A road user that never comes nearer than this is not beside the ego, metres.
 pub const BESIDE_M: f64 = 40.0;
-/// Samples of a second.
+/// Samples per second.
 const A_SECOND: usize = 10;
-/// Fewer samples together with the ego are no motion.
+/// Least number of samples together with the ego that make a motion.
 const SAMPLES_MIN: usize = 15;
-/// Slower than this nobody has a direction of motion, m/s.
+/// Below this speed a road user has no direction of motion, m/s.
 const MOVES_MPS: f64 = 1.0;
-/// Drifts are those of who is at most so far away, metres.
+/// Drift is measured up to this distance, metres.
 const DRIFT_M: f64 = 25.0;
-/// Close behind: less than this, metres.
+/// Largest distance of close following, metres.
 const BEHIND_M: f64 = 15.0;
-/// Times to conflict beyond this are none, s.
+/// Longest time to a conflict that is told, s.
 const CONFLICT_S_MAX: f64 = 10.0;
-/// Who is farther from every lane of their direction is on none, metres; also what the two numbers of lanes are then bounded by.
+/// A road user farther than this from every lane of its direction is on none, metres. It also bounds the two numbers of lanes.
 const LANE_M: f64 = 5.0;
 
-/// The row of a road user beside the ego, whose samples begin at the same step; `None` for who moves nowhere near it.
+/// Returns the row of a road user beside the ego, whose samples begin at the same step; `None` for one that moves nowhere near it.
 pub fn row(ego: &[Sample], other: &[Option<Sample>], lanes: &LaneGraph) -> Option<[f64; COLUMNS]> {
     let both: Vec<(&Sample, &Sample)> =
         ego.iter().zip(other).filter_map(|(ego, other)| Some((ego, other.as_ref()?))).collect();
@@ -117,7 +117,7 @@ pub fn row(ego: &[Sample], other: &[Option<Sample>], lanes: &LaneGraph) -> Optio
     Some(std::array::from_fn(|place| (exact[place] / QUANTITIES[place].2).round() * QUANTITIES[place].2))
 }
 
-/// Changes over a second from each sample on, per second: over single samples they are those of a recording's noise.
+/// Returns changes over a second from each sample on, per second. Over single samples they would be a recording's noise.
 fn over_a_second(values: &[f64], change: impl Fn(f64, f64) -> f64) -> Vec<f64> {
     values.windows(A_SECOND + 1).map(|window| change(window[0], window[A_SECOND])).collect()
 }
@@ -133,20 +133,20 @@ fn bearing(ego: &Sample, other: &Sample) -> Vec2 {
     if far > 0.0 { Vec2::new(axis.dot(to) / far, axis.cross(to) / far) } else { Vec2::new(1.0, 0.0) }
 }
 
-/// How far apart, metres, and how fast that shrinks, m/s.
+/// Returns the distance, metres, and how fast it shrinks, m/s.
 fn apart(ego: &Sample, other: &Sample) -> (f64, f64) {
     let (to, by) = (other.position - ego.position, other.velocity - ego.velocity);
     let far = to.norm();
     (far, if far > 0.0 { -by.dot(to) / far } else { 0.0 })
 }
 
-/// Whether the other follows within a few metres.
+/// Returns `true` if the other follows close behind.
 fn is_close_behind(ego: &Sample, other: &Sample) -> bool {
     let to = bearing(ego, other);
     to.x < -0.9 && ego.position.distance(other.position) < BEHIND_M
 }
 
-/// How fast the other comes nearer across the ego's heading, m/s; negative where it goes away.
+/// Returns how fast the other comes nearer across the ego's heading, m/s; negative where it goes away.
 fn drift(ego: &Sample, other: &Sample) -> f64 {
     let axis = Vec2::from_heading(ego.heading_rad);
     let aside_m = axis.cross(other.position - ego.position);

@@ -1,4 +1,4 @@
-//! A scene as compact bytes and back: what its digest is taken of and what a pool file holds. Little-endian, every list
+//! A scene as compact bytes and back: the input of its digest and the content of a pool file. Little-endian, every list
 //! preceded by its length, floats as bits. This module does not know files.
 
 use super::safebench::{SpawnFrame, Staging, TrafficFamily};
@@ -10,7 +10,7 @@ use crate::kernel::{Digest, Pose, Vec2, num};
 /// Part of the domain of every scene digest: rises with any change of the bytes below.
 const SCENE_DOMAIN: &str = "evodrive/scene/1";
 
-/// Before the neighbours of a side: there is none, or a count follows. Anything else is the only one's direction.
+/// First byte for the neighbours of a side: none, or a count follows. Any other value is the direction of the only one.
 const NO_NEIGHBOUR: u8 = 0;
 const NEIGHBOURS: u8 = 3;
 
@@ -68,7 +68,7 @@ pub(super) fn scene_bytes(scene: &Scene) -> Vec<u8> {
 pub struct NotAScene {
     /// Byte offset of the first fault.
     pub at: usize,
-    /// What was expected there.
+    /// Value that was expected there.
     pub expected: &'static str,
 }
 
@@ -302,7 +302,7 @@ impl Reader<'_> {
                     let direction = r.byte("a neighbour")?;
                     r.neighbour(direction)
                 })?;
-                // Fewer are written otherwise, so that a scene has one form.
+                // Fewer neighbours are written in another way, so that a scene has one form.
                 if side.len() < 2 { Err(self.expected("two neighbours or more")) } else { Ok(side) }
             }
             direction => Ok(vec![self.neighbour(direction)?]),

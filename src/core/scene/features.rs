@@ -19,7 +19,7 @@ pub const TAGS: [&str; 11] = [
     "slow_traffic",
     "stop_sign",
 ];
-/// What each of [`TAGS`] says of a scene, in their order. Staged scenes have the name of their traffic family as a tag besides.
+/// Meaning of each of [`TAGS`], in their order. Staged scenes have the name of their traffic family as a tag besides.
 pub const TAGS_MEAN: [&str; 11] = [
     "The map has a crosswalk.",
     "The ego's route bends by more than 0.02 1/m somewhere.",
@@ -35,11 +35,11 @@ pub const TAGS_MEAN: [&str; 11] = [
 ];
 /// The distance that is reported where there is nothing to measure to, metres.
 pub const NOTHING_NEAR_M: f64 = 200.0;
-/// Where no speed limit is known: 50 km/h.
+/// Speed limit where none is known, m/s: 50 km/h.
 pub const SPEED_LIMIT_UNKNOWN_MPS: f64 = 13.9;
 /// A route's lanes are those within this distance of it, metres.
 const ROUTE_LANE_WITHIN_M: f64 = 3.0;
-/// Spacing at which routes are looked at, metres.
+/// Spacing at which routes are sampled, metres.
 const ROUTE_SPACING_M: f64 = 2.0;
 /// Paths that meet at less than this angle run along each other: sine of 15 degrees for lanes, which never wobble,
 /// of 5 degrees for logs.
@@ -55,23 +55,23 @@ pub struct SceneFeatures {
     pub pedestrian_count: f64,
     /// Cyclists observed at the current step.
     pub cyclist_count: f64,
-    /// At the ego's start, m/s.
+    /// Speed of the ego at its start, m/s.
     pub ego_speed_mps: f64,
     /// Length of the ego's route, metres.
     pub ego_route_length_m: f64,
-    /// 1/m, over pieces of 2 m.
+    /// Largest curvature of the route, 1/m, over pieces of 2 m.
     pub route_curvature_max_1pm: f64,
     /// Mean over vehicles at the current step, m/s; 0 if there is none.
     pub traffic_speed_mps: f64,
-    /// Centre to centre, metres; 200 if there is no vehicle.
+    /// Distance to the nearest vehicle, centre to centre, metres; 200 if there is no vehicle.
     pub nearest_vehicle_gap_m: f64,
     /// Smallest distance of any vehicle's path, from the current step on, to the ego's route, metres; 200 if none.
     pub log_distance_m_min: f64,
     /// Vehicles whose path, from the current step on, crosses the ego's route.
     pub conflict_count: f64,
-    /// Of the ego's lane, m/s; 13.9 if unknown.
+    /// Speed limit of the ego's lane, m/s; 13.9 if unknown.
     pub speed_limit_mps: f64,
-    /// Side by side at the ego's start, own direction.
+    /// Lanes side by side at the ego's start, in its own direction.
     pub lane_count: f64,
     /// A traffic light stands on the ego's route.
     pub has_light: bool,
@@ -182,7 +182,7 @@ fn route_lanes(route: &Polyline, graph: &LaneGraph) -> Vec<LaneIx> {
     lanes
 }
 
-/// Smallest distance of vehicles' logs from the route, and how many of them cross it.
+/// Returns the smallest distance of vehicles' logs from the route, and the number of them that cross it.
 fn logs_against(scene: &Scene, route: &Polyline) -> (f64, usize) {
     let (mut nearest, mut conflicts) = (NOTHING_NEAR_M, 0);
     for track in scene.tracks.iter().filter(|t| t.kind == AgentKind::Vehicle) {
@@ -201,7 +201,7 @@ fn logs_against(scene: &Scene, route: &Polyline) -> (f64, usize) {
     (nearest, conflicts)
 }
 
-/// Whether a path crosses the route at no less than the given sine of an angle.
+/// Returns `true` if a path crosses the route at no less than the given sine of an angle.
 fn crosses(route: &Polyline, path: &[Vec2], sin_min: f64) -> bool {
     path.windows(2).any(|p| {
         route.points().windows(2).any(|r| {

@@ -14,7 +14,7 @@ pub const HEADING_DIFFERENCE_MAX_RAD: f64 = num::PI / 4.0;
 /// Distances from the road are measured up to this value, metres.
 pub const OFF_ROAD_MAX_M: f64 = 100.0;
 
-/// Where a point lies in a lane.
+/// Place of a point in a lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LanePlace {
     /// Which lane.
@@ -112,7 +112,7 @@ impl LaneGraph {
         self.neighbours.get(lane).into_iter().flatten().flatten().copied()
     }
 
-    /// The same at a point: of several neighbours of a side the nearest one.
+    /// Returns the same at a point: of several neighbours on a side the nearest one.
     pub fn beside_at(&self, lane: LaneIx, point: Vec2) -> impl Iterator<Item = LaneIx> {
         let away = move |lane: &LaneIx| {
             self.centre(*lane).map_or(f64::INFINITY, |line| line.at(line.project(point).s_m).distance(point))
@@ -202,7 +202,7 @@ impl LaneGraph {
         best
     }
 
-    /// Where a point falls on one lane's centre line.
+    /// Returns the place of a point on one lane's centre line.
     pub fn place_in(&self, lane: LaneIx, point: Vec2) -> Option<LanePlace> {
         let projected = self.centre(lane)?.project(point);
         Some(LanePlace {
@@ -222,7 +222,7 @@ impl LaneGraph {
         Some(Pose { position: centre.at(s_m), heading_rad: along.heading() })
     }
 
-    /// Whether a point lies on the surface of a lane of any kind.
+    /// Returns `true` if a point lies on the surface of a lane of any kind.
     pub fn is_drivable(&self, point: Vec2) -> bool {
         self.pieces.touching(point).any(|(_, piece)| piece.contains(point))
     }
@@ -237,7 +237,7 @@ impl LaneGraph {
         self.off_road_within_m(point, OFF_ROAD_MAX_M)
     }
 
-    /// The smaller of [`LaneGraph::off_road_m`] and `within_m`, for who asks no further.
+    /// Returns the smaller of [`LaneGraph::off_road_m`] and `within_m`, for callers that need no larger value.
     pub fn off_road_within_m(&self, point: Vec2, within_m: f64) -> f64 {
         if self.pieces.all().is_empty() || self.is_drivable(point) {
             return 0.0;
@@ -257,8 +257,8 @@ impl LaneGraph {
         best_m
     }
 
-    /// The larger of `least_m` and [`LaneGraph::off_road_within_m`], for who looks for the largest along a way: a place that is no
-    /// farther than what is known already needs no search. `near` is the piece that the last place lay on or near, any number at
+    /// Returns the larger of `least_m` and [`LaneGraph::off_road_within_m`], to find the largest along a way: a place no farther than
+    /// what is already known needs no search. `near` is the piece that the last place lay on or near, any number at
     /// first; a good guess saves time and changes no bit.
     pub fn off_road_beyond_m(&self, point: Vec2, least_m: f64, within_m: f64, near: &mut u32) -> f64 {
         let guess = self.pieces.all().get(*near as usize);
@@ -472,7 +472,7 @@ mod tests {
             let (mut off, mut aside) = ((0.0f64, 0.0f64), (0.0f64, 0.0f64));
             for (x, y) in way {
                 let point = Vec2::new(x, y);
-                // Who has reached the bound asks no further.
+                // A caller that has reached the bound asks no further.
                 if off.0 < within_m {
                     off.0 = graph.off_road_beyond_m(point, off.0, within_m, &mut near_road);
                 }

@@ -1,4 +1,4 @@
-//! What a scenario is: road, tracks, lights, ego and route, where they come from and how they are pooled.
+//! Parts of a scenario: road, tracks, lights, ego and route, their origin, and pools of scenarios.
 
 pub mod beside;
 pub mod binary;

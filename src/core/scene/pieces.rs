@@ -11,10 +11,10 @@ const CELLS_MAX: f64 = 32_768.0;
 /// Most entries of pieces in cells. A road whose long pieces would need more gets larger cells.
 const ENTRIES_MAX: u64 = 32_000_000;
 
-/// [`Pieces::touching`] tells of every piece that is no farther than this, metres.
+/// [`Pieces::touching`] finds every piece that is no farther than this, metres.
 pub const TOUCH_M: f64 = 1e-3;
 
-/// A cell that lies this much too far is looked at all the same, m²: far more than rounding can amount to.
+/// A cell that lies this much too far is still searched, m²: far more than rounding can amount to.
 const SLACK_M2: f64 = 1e-3;
 
 /// One segment of a lane: its centre line and the surface around it.
@@ -23,7 +23,7 @@ pub struct Piece {
     lane: u32,
     /// Kind of its lane.
     pub kind: LaneKind,
-    /// Whether its surface has four corners that all turn to the same side, clearly: whoever is beyond one edge is outside.
+    /// True if its surface has four corners that all turn clearly to the same side, so that a point beyond one edge is outside.
     pub is_convex: bool,
     /// First point of the segment, metres.
     pub from: Vec2,
@@ -56,7 +56,7 @@ impl Piece {
         (along, (point - self.from - self.direction * along).norm_squared())
     }
 
-    /// Whether a point lies on its surface.
+    /// Returns `true` if a point lies on its surface.
     pub fn contains(&self, point: Vec2) -> bool {
         let boxed = point.x >= self.low.x && point.x <= self.high.x && point.y >= self.low.y && point.y <= self.high.y;
         boxed && crate::kernel::geom::polygon_contains(&self.surface, point)
@@ -160,7 +160,7 @@ impl Pieces {
         self.starts.windows(2).map(|w| (w[1] - w[0]) as usize).max().unwrap_or(0)
     }
 
-    /// By lane, then along it.
+    /// Returns the pieces by lane, then along it.
     pub fn all(&self) -> &[Piece] {
         &self.all
     }
@@ -270,7 +270,7 @@ impl Pieces {
     }
 }
 
-/// Clockwise, as left and right lie of a lane, and no corner nearer than a micrometre to the line between those beside it.
+/// Returns `true` if the corners run clockwise, and none is nearer than a micrometre to the line between its neighbours.
 fn is_convex(surface: &[Vec2; 4]) -> bool {
     (0..4).all(|k| {
         let (before, after) = (surface[(k + 1) % 4] - surface[k], surface[(k + 2) % 4] - surface[(k + 1) % 4]);
@@ -279,8 +279,8 @@ fn is_convex(surface: &[Vec2; 4]) -> bool {
     })
 }
 
-/// The rectangle around a piece, larger by [`TOUCH_M`] and by what rounding may take away: low x and y, minus high x and y, metres. Four short
-/// numbers, for a place is looked for among all pieces of a cell, and few of them are near.
+/// Rectangle around a piece, larger by [`TOUCH_M`] and the largest rounding: low x and y, minus high x and y, metres. The numbers are
+/// short because a place is compared with all pieces of a cell, few of which are near.
 fn outline(piece: &Piece) -> [f32; 4] {
     let (low, high) = (piece.low, piece.high);
     // A rounding to `f32` is at most 6e-8 of a number; there are two, of the rectangle and of the place.

@@ -56,12 +56,12 @@ impl LeftOut {
     const KEPT: [&str; 7] =
         [Self::SAMPLE_TIMES, Self::VELOCITIES, Self::HEADINGS, Self::KINDS, Self::HEIGHTS, Self::SCENE_ID, Self::SIZES];
 
-    /// Whether the part is in the pool and only differs from the file's: resampled motion is changed, not missing.
+    /// Returns `true` if the part is in the pool and only differs from the file's: resampled motion is changed, not missing.
     pub fn is_kept(&self) -> bool {
         self.is_doubtful() || Self::KEPT.contains(&self.what.as_str())
     }
 
-    /// Whether the part is in the pool as the file has it, and likely wrong.
+    /// Returns `true` if the part is in the pool as the file has it, and likely wrong.
     pub fn is_doubtful(&self) -> bool {
         [Self::HEADINGS_DOUBTFUL, Self::VELOCITIES_DOUBTFUL].contains(&self.what.as_str())
     }
@@ -72,10 +72,10 @@ impl LeftOut {
 pub struct Pool {
     /// The scenes; ids are unique.
     pub scenes: Vec<Scene>,
-    /// What was left out at import, with its reason.
+    /// Parts that were left out at import, with their reasons.
     pub left_out: Vec<LeftOut>,
-    /// Whether runs seal where the scenes came from and what was left out. Pools that are generated, and those that were imported by
-    /// earlier releases, do not: the roots of their runs stay what they were.
+    /// True if runs seal the origins of the scenes and the parts left out. Pools that are generated, and those that were imported by
+    /// earlier releases, have false: the roots of their runs stay what they were.
     pub seals_provenance: bool,
 }
 
@@ -87,7 +87,7 @@ pub struct ManifestEntry {
     pub id: String,
     /// Digest of its content.
     pub digest: Digest,
-    /// Where it came from.
+    /// Origin of the scene.
     pub origin: Origin,
     /// Its samples.
     pub steps: usize,
@@ -101,13 +101,13 @@ pub struct ManifestEntry {
     pub bytes: usize,
 }
 
-/// What stands at the head of a pool file, as JSON.
+/// Head of a pool file, as JSON.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
-    /// One entry a scene, in the pool's order.
+    /// One entry per scene, in the pool's order.
     pub scenes: Vec<ManifestEntry>,
-    /// What was left out at import, with its reason.
+    /// Parts that were left out at import, with their reasons.
     pub left_out: Vec<LeftOut>,
     /// Digest of both, where runs on the pool seal it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -122,7 +122,7 @@ pub enum PoolError {
     NotAPool {
         /// Name of the file.
         file: String,
-        /// What was expected there.
+        /// Bytes that were expected there.
         expected: &'static str,
     },
     /// Another version of the format wrote the file.
@@ -140,7 +140,7 @@ pub enum PoolError {
         file: String,
         /// Byte offset.
         at: usize,
-        /// What was expected there.
+        /// Content that was expected there.
         expected: String,
     },
     /// A scene of the file breaks a rule that every scene keeps.
@@ -164,11 +164,11 @@ pub enum PoolError {
     Clash {
         /// The id.
         id: String,
-        /// Where it was met first.
+        /// Pool in which the id was met first.
         first: String,
         /// Its digest there.
         digests: String,
-        /// Where it was met again.
+        /// Pool in which the id was met again.
         second: String,
         /// Its digest there.
         other_digests: String,
@@ -308,11 +308,11 @@ fn checked_manifest(file_name: &str, bytes: &[u8]) -> Result<(Manifest, usize), 
     Ok((manifest, after))
 }
 
-/// How many scenes evolution sees.
+/// Number of scenes that evolution sees.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EvolutionSize {
-    /// So many scenes.
+    /// A fixed number of scenes.
     Count(usize),
     /// A share of the usable scenes that are not held out, above 0 and at most 1. It gives at least one scene.
     Share(f64),
@@ -332,7 +332,7 @@ pub struct SplitScene {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Split {
-    /// In the order in which the window rotates through them.
+    /// Scenes of evolution, in the order in which the window rotates through them.
     pub evolution: Vec<SplitScene>,
     /// The scenes on which finalists are chosen; none where that is done on those of evolution.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -372,8 +372,8 @@ impl Pool {
         }
     }
 
-    /// The scenes of several pools, each pool given with its name for messages, in their order. A scene that is in several of
-    /// them, the same bit for bit, is kept once; the second number says how often that was.
+    /// Returns the scenes of several pools, each pool given with its name for messages, in their order. A scene that is in several of
+    /// them, the same bit for bit, is kept once; the second number counts these repeats.
     ///
     /// # Errors
     /// Two different scenes of one id.
@@ -404,7 +404,7 @@ impl Pool {
         Ok((merged, repeated))
     }
 
-    /// The scenes of `self` in two pools: those for which `closed` holds, and the others; usable ones alone. Scenes of one
+    /// Parts the usable scenes of `self` in two: those for which `closed` holds, and the others. Scenes of one
     /// SafeBench group stay together: one of them takes all others along.
     pub fn parted(&self, closed: impl Fn(&Scene) -> bool) -> Split {
         let mut split = Split { evolution: Vec::new(), selection: Vec::new(), held_out: Vec::new() };
@@ -436,7 +436,7 @@ impl Pool {
         }
     }
 
-    /// Digest of where each scene came from and of what was left out, where runs seal it.
+    /// Digest of the origin of each scene and of the parts left out, where runs seal it.
     pub fn sealed_provenance(&self) -> Option<Digest> {
         if !self.seals_provenance {
             return None;
@@ -456,7 +456,7 @@ impl Pool {
         self.split_among(seed, evolution, (0, held_out), |_| true)
     }
 
-    /// The same of the scenes whose ids `takes` chooses, with so many for the choice of finalists. A group is there whole or not at all.
+    /// Splits the scenes whose ids `takes` chooses, with a part for the choice of finalists. A group is there whole or not at all.
     pub fn split_among(
         &self,
         seed: Seed,
@@ -526,7 +526,7 @@ struct Unit {
     scenes: Vec<SplitScene>,
 }
 
-/// How many of the first `wanted` scenes form whole units, and the unit that would be cut.
+/// Returns how many of the first `wanted` scenes form whole units, and the unit that would be cut.
 fn whole_groups(units: &[Unit], wanted: usize) -> (usize, Option<String>) {
     let mut fits = 0;
     for unit in units {

@@ -1,5 +1,5 @@
-//! A scene with what is derived from it alone: the graph of its lanes and its features. Derived once and shared by
-//! whoever works on the scene.
+//! A scene with the data derived from it alone: the graph of its lanes and its features. Derived once and shared by
+//! all work on the scene.
 
 use std::sync::Arc;
 

@@ -64,7 +64,7 @@ impl Remainder {
         (scene.digest() == self.scene && scene.validate().is_empty()).then_some(scene)
     }
 
-    /// As JSON in ASCII without `>`, so that it may stand in a processing instruction.
+    /// Returns it as JSON in ASCII without `>`, so that it may stand in a processing instruction.
     pub fn to_ascii(&self) -> String {
         let Ok(json) = serde_json::to_string(self) else {
             unreachable!("texts, counts and what came from finite numbers")

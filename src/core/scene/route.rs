@@ -11,12 +11,12 @@ use crate::kernel::{Polyline, Vec2, num};
 
 /// Cost of a lane change in the search, metres of way. A lane is changed only where that saves more.
 const LANE_CHANGE_COST_M: f64 = 20.0;
-/// Points of a route, metres apart.
+/// Distance between points of a route, metres.
 const SPACING_M: f64 = 1.0;
 /// No line becomes longer than this, metres. It is far beyond the limit of a scene's route, so a longer line would be
 /// refused anyway.
 const LINE_MAX_M: f64 = 2.0 * WAY_MAX_M;
-/// Lanes a search looks at before it gives up.
+/// Most lanes that a search visits before it gives up.
 const LANES_MAX: usize = 20_000;
 
 /// A place through which a route must lead.
@@ -34,7 +34,7 @@ struct Leg {
     lane: LaneIx,
     from_m: f64,
     to_m: f64,
-    /// Whether the next leg is a neighbour lane rather than an exit.
+    /// True if the next leg is a neighbour lane rather than an exit.
     changes_lane: bool,
 }
 

@@ -58,15 +58,15 @@ pub struct PoolStats {
     pub speed_mps: Option<Summary>,
     /// Share of samples of motor vehicles at which they stand, per scene.
     pub standing: Option<Summary>,
-    /// Of moving vehicles, from differences of recorded speeds: noise of a recording counts too.
+    /// Acceleration of moving vehicles, from differences of recorded speeds: noise of a recording counts too.
     pub acceleration_mps2: Option<Summary>,
-    /// Of moving vehicles, from differences of accelerations, m/s³.
+    /// Jerk of moving vehicles, from differences of accelerations, m/s³.
     pub jerk_mps3: Option<Summary>,
-    /// Absolute value, of moving vehicles.
+    /// Absolute yaw rate of moving vehicles.
     pub yaw_rate_radps: Option<Summary>,
     /// Bumper-to-bumper distance to the vehicle ahead in the same lane, below [`GAP_M_MAX`], once a second.
     pub gap_m: Option<Summary>,
-    /// That gap by the follower's speed.
+    /// That gap divided by the follower's speed.
     pub headway_s: Option<Summary>,
     /// Pairs of vehicles per scene that come from different ways and use the same place within
     /// [`CONFLICT_S_MAX`].
@@ -75,7 +75,7 @@ pub struct PoolStats {
     pub encroachment_s: Option<Summary>,
 }
 
-/// Vehicles farther ahead are not followed, metres.
+/// Vehicles farther ahead do not count as followed, metres.
 pub const GAP_M_MAX: f64 = 60.0;
 /// Two uses of a place that lie farther apart than this are no conflict, seconds.
 pub const CONFLICT_S_MAX: f64 = 3.0;
@@ -85,7 +85,7 @@ const SAME_PLACE_M: f64 = 2.5;
 const OTHER_WAY_RAD: f64 = 0.35;
 /// Slower than this is standing, m/s.
 const STANDING_MPS: f64 = 0.5;
-/// Conflicts look at every third sample.
+/// Conflicts are searched at every third sample.
 const STRIDE: usize = 3;
 const STEPS_PER_S: usize = 10;
 

@@ -21,7 +21,7 @@ pub const DT_S: f64 = 0.1;
 pub struct Scene {
     /// Unique in a pool.
     pub id: String,
-    /// Where it came from; not part of the digest.
+    /// Origin of the scene; not part of the digest.
     pub origin: Origin,
     /// Number of samples; sample `k` lies at `k * DT_S` seconds.
     pub steps: usize,
@@ -41,7 +41,7 @@ pub struct Scene {
     pub stop_signs: Vec<StopSign>,
     /// Outlines of crosswalks, metres.
     pub crosswalks: Vec<Vec<Vec2>>,
-    /// What a scene of SafeBench's traffic families knows beside; `None` for every other scene.
+    /// Data of a scene of SafeBench's traffic families; `None` for every other scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub staging: Option<Staging>,
 }
@@ -55,7 +55,7 @@ pub struct Origin {
     pub name: String,
 }
 
-/// What kind of road user somebody is.
+/// Kind of a road user.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AgentKind {
@@ -74,9 +74,9 @@ pub enum AgentKind {
 pub struct Sample {
     /// Centre of the box, metres.
     pub position: Vec2,
-    /// Counter-clockwise from +x.
+    /// Heading, counter-clockwise from +x.
     pub heading_rad: f64,
-    /// Global axes, m/s.
+    /// Velocity in global axes, m/s.
     pub velocity: Vec2,
 }
 
@@ -92,7 +92,7 @@ impl Sample {
 pub struct Track {
     /// Unique in the scene.
     pub id: String,
-    /// What kind of road user it is.
+    /// Kind of the road user.
     pub kind: AgentKind,
     /// Length of the box, metres.
     pub length_m: f64,
@@ -138,7 +138,7 @@ pub struct Road {
     pub edges: Vec<Vec<Vec2>>,
 }
 
-/// What a lane is for.
+/// Use of a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LaneKind {
@@ -146,7 +146,7 @@ pub enum LaneKind {
     Street,
     /// A motorway.
     Freeway,
-    /// For bicycles.
+    /// A lane for bicycles.
     Bike,
     /// Shoulders, parking, sidewalks: drivable surface without through traffic.
     Other,
@@ -157,7 +157,7 @@ pub enum LaneKind {
 pub struct Lane {
     /// Id in the source; unique in the scene.
     pub id: String,
-    /// What the lane is for.
+    /// Use of the lane.
     pub kind: LaneKind,
     /// Centre line in driving direction, metres. `[points]`
     pub centre: Vec<Vec2>,
@@ -182,7 +182,7 @@ pub struct Lane {
 pub struct Neighbour {
     /// Which lane.
     pub lane: LaneIx,
-    /// Whether its traffic drives the same way.
+    /// True if its traffic drives the same way.
     pub same_direction: bool,
 }
 
@@ -191,13 +191,13 @@ pub struct Neighbour {
 pub struct Light {
     /// The lane that it holds for.
     pub lane: LaneIx,
-    /// Where traffic stops, metres.
+    /// Point at which traffic stops, metres.
     pub stop_point: Vec2,
     /// `steps` long.
     pub states: Vec<LightState>,
 }
 
-/// What a traffic light shows.
+/// State of a traffic light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LightState {
@@ -214,7 +214,7 @@ pub enum LightState {
 /// A stop sign.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StopSign {
-    /// Where it stands, metres.
+    /// Position of the sign, metres.
     pub position: Vec2,
     /// The lanes that it holds for.
     pub lanes: Vec<LaneIx>,

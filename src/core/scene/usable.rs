@@ -16,7 +16,7 @@ pub enum Unusable {
     /// It breaks rules that every scene keeps.
     #[error("it breaks {count} validation rules, the first is: {first}")]
     Unsound {
-        /// How many rules it breaks.
+        /// Number of rules that it breaks.
         count: usize,
         /// The first of them.
         first: String,
@@ -50,7 +50,7 @@ pub enum Unusable {
     },
 }
 
-/// Whether adversarial traffic can be evolved on a scene.
+/// Checks that adversarial traffic can be evolved on a scene; the error says why not.
 pub fn usable(scene: &Scene) -> Result<(), Unusable> {
     let violations = scene.validate();
     if let Some(first) = violations.first() {

@@ -23,7 +23,7 @@ pub const SIDE_MAX_M: f64 = 60.0;
 /// Shortest side of a bounding box, metres.
 pub const SIDE_MIN_M: f64 = 0.05;
 
-/// Lanes that a lane leads into, or that lead into it.
+/// Most lanes that a lane leads into, or that lead into it.
 pub const LINKS_MAX: usize = 64;
 
 /// Most violations of a scene that are listed one by one.
@@ -36,9 +36,9 @@ pub struct Violation {
     pub rule: &'static str,
     /// Such as `tracks[3] "veh7"`.
     pub place: String,
-    /// What was found there.
+    /// Value found there.
     pub found: String,
-    /// What was expected.
+    /// Value that was expected.
     pub expected: String,
 }
 
@@ -70,7 +70,7 @@ impl Scene {
     }
 }
 
-/// How many rules are broken, in words: a number, or that there are more than are listed.
+/// Returns the number of broken rules in words: a number, or that there are more than are listed.
 pub fn how_many(violations: &[Violation]) -> String {
     match violations.len() {
         count @ ..=VIOLATIONS_MAX => count.to_string(),
@@ -297,7 +297,7 @@ impl Check {
     }
 }
 
-/// From sample to sample, over gaps too.
+/// Returns the way from sample to sample, over gaps too, metres.
 fn way_m(track: &Track) -> f64 {
     let mut last: Option<Vec2> = None;
     let mut way_m = 0.0;

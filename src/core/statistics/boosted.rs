@@ -7,7 +7,7 @@ use crate::objects::{Boosted, Tree, TreeNode};
 const DEPTH: usize = 3;
 /// Least rows of a leaf.
 const LEAF_ROWS_MIN: usize = 5;
-/// Weight with which a leaf is held to zero, in rows.
+/// Weight that pulls a leaf towards zero, in rows.
 const SHRINKAGE_ROWS: f64 = 5.0;
 /// A tree reads the columns whose place leaves the same remainder.
 const COLUMNS_IN_TURN: usize = 3;
@@ -35,7 +35,7 @@ pub fn value_at(model: &Boosted, row: &[f64]) -> f64 {
     model.trees.iter().fold(model.intercept, |sum, tree| sum + answer(tree, row))
 }
 
-/// Whether every question of a tree leads on to a later node, and reads a column that there is.
+/// Returns `true` if every question of a tree leads on to a later node, and reads a column that exists.
 pub fn is_sound(tree: &Tree, columns: usize) -> bool {
     let n = tree.nodes.len();
     let sound = |(place, node): (usize, &TreeNode)| match *node {
@@ -151,7 +151,7 @@ fn questions(
     whole: &[Sums],
 ) -> Vec<Option<Best>> {
     let mut best: Vec<Option<Best>> = vec![None; whole.len()];
-    // What is asked of a row, side by side.
+    // Data of a row for the questions, side by side.
     let rows: Vec<(usize, f64, f64)> =
         home.iter().zip(&table.weights).zip(left).map(|((&home, &weight), &left)| (home, weight, left)).collect();
     let gains: Vec<f64> = whole.iter().map(Sums::gain).collect();
@@ -161,7 +161,7 @@ fn questions(
         for &(row, value) in order {
             let (node, weight, left) = rows[row as usize];
             let (low, before) = &mut below[node];
-            // Before the first row there is no number, and nothing is less than that.
+            // Before the first row the value is NaN, and no comparison with it holds.
             if *before < value {
                 let high = whole[node].without(low);
                 if low.rows >= LEAF_ROWS_MIN && high.rows >= LEAF_ROWS_MIN {

@@ -1,6 +1,6 @@
-//! 95 % intervals by the percentile bootstrap over scenes (Efron): scenes are drawn with replacement, and what is drawn
-//! together stays together, so that a difference between two programs is paired by scene. Where a search was repeated with
-//! several seeds, the spread between these joins that of the draws, and Student's t says how far so few of them may be off
+//! 95 % intervals by the percentile bootstrap over scenes (Efron): scenes are drawn with replacement, and all values of a scene
+//! stay together, so that a difference between two programs is paired by scene. Where a search was repeated with
+//! several seeds, the spread between seeds is added to that of the draws, and Student's t accounts for their small number
 //! (`student.rs`): m ± t(ν) √(s² / n + v), where s² is the variance of the n seeds' means, v that of the mean over drawn scenes, and
 //! ν is Satterthwaite's number of degrees of freedom for the sum.
 
@@ -10,12 +10,12 @@ use std::collections::BTreeMap;
 use super::student;
 use crate::kernel::{Digest, Seed, Stream, num};
 
-/// Resamples an interval rests on.
+/// Number of resamples behind an interval.
 pub const RESAMPLES: usize = 2000;
 /// Root of the resampling streams. No result of a run depends on it; the tables name it.
 pub const SEED: Seed = Seed(95);
 const LEVELS: [f64; 2] = [0.025, 0.975];
-/// What a one-sided bound of 95 % leaves.
+/// Chance that a one-sided bound of 95 % leaves.
 const CHANCE: f64 = 0.05;
 
 /// A number with its interval.
@@ -24,12 +24,12 @@ pub struct Estimate {
     pub value: f64,
     /// 95 % interval over scenes and seeds; `None` for a number that has none.
     pub interval: Option<[f64; 2]>,
-    /// What the interval of a repeated search rests on.
+    /// Spread behind the interval of a repeated search.
     #[serde(skip)]
     pub spread: Option<Spread>,
 }
 
-/// How far a mean over repetitions may be off.
+/// Likely error of a mean over repetitions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
     /// Standard error, in the number's unit; above 0.
@@ -60,7 +60,7 @@ impl Estimate {
         let parts: Vec<(f64, f64)> = of_seeds.iter().filter_map(of_search).chain([of_scenes]).collect();
         let all = num::sum(parts.iter().map(|(part, _)| *part));
         let divisor = num::sum(parts.iter().map(|(part, freedom)| part * part / freedom));
-        // Differences of last bits are no spread.
+        // Differences in the last bits are no spread.
         if all <= 1e-24 || divisor <= 0.0 {
             return Estimate { interval: Some([value; 2]), ..Estimate::plain(value) };
         }
@@ -80,7 +80,7 @@ impl Estimate {
         })
     }
 
-    /// The same where the number cannot lie outside of these bounds: no share is below 0.
+    /// Limits the interval to the bounds of the number: no share is below 0.
     pub fn within(self, [low, high]: [f64; 2]) -> Estimate {
         let ends = |[from, to]: [f64; 2]| {
             if (low..=high).contains(&self.value) { [from.max(low), to.min(high)] } else { [from, to] }
@@ -88,14 +88,14 @@ impl Estimate {
         Estimate { interval: self.interval.map(ends), ..self }
     }
 
-    /// With so many digits: `0.450 [0.401, 0.502]`.
+    /// Returns the text with this many digits: `0.450 [0.401, 0.502]`.
     pub fn text(&self, digits: u32) -> String {
         let fixed = |value: f64| num::fixed(value, digits);
         let ends = self.interval.map_or(String::new(), |[low, high]| format!(" [{}, {}]", fixed(low), fixed(high)));
         format!("{}{ends}", fixed(self.value))
     }
 
-    /// The chance of a distance like this one's to `from` or a larger one, to either side, where searches were repeated.
+    /// Returns the chance of a distance at least as large as this one's to `from`, to either side, where searches were repeated.
     pub fn chance_beyond(&self, from: f64) -> Option<f64> {
         self.spread.map(|spread| student::two_sided((self.value - from) / spread.error, spread.freedom))
     }
@@ -107,7 +107,7 @@ pub fn variance(values: &[f64]) -> f64 {
     num::sum(values.iter().map(|value| (value - mean) * (value - mean))) / (values.len().max(2) - 1) as f64
 }
 
-/// One value a scene of a held-out suite; `None` where the scene has no label.
+/// One value per scene of a held-out suite; `None` where the scene has no label.
 #[derive(Clone, Debug)]
 pub struct PerScene {
     /// Which suite: values of one suite are resampled together, those of different suites independently.
@@ -118,9 +118,9 @@ pub struct PerScene {
 /// One search and its repetitions.
 #[derive(Clone, Debug)]
 pub struct Search {
-    /// Which search: searches of one id have their seeds in common, so that what a seed does to one it may do to all.
+    /// Id of the search: searches of one id have their seeds in common, so that the effect of a seed may be the same in all.
     pub id: Digest,
-    /// One a seed, in the order of the seeds.
+    /// One entry per seed, in the order of the seeds.
     pub seeds: Vec<PerScene>,
 }
 
@@ -132,8 +132,8 @@ pub fn estimates(quantities: &[Quantity]) -> Vec<Option<Estimate>> {
     quantities.iter().zip(&resampled(quantities)).map(|(quantity, values)| estimate(quantity, values)).collect()
 }
 
-/// The same for differences, each with its chance under no difference: Student's where searches were repeated; else twice the share of
-/// resamples on the far side of 0, the value itself counted as one of them, at most 1.
+/// Returns the same for differences, each with its chance under no difference: Student's where searches were repeated; else twice the share
+/// of resamples on the far side of 0, the value itself counted as one of them, at most 1.
 pub fn compared_with_zero(differences: &[Quantity]) -> Vec<Option<(Estimate, f64)>> {
     let chance = |values: &[f64]| {
         let beyond = |holds: &dyn Fn(f64) -> bool| values.iter().filter(|value| holds(**value)).count();
@@ -212,8 +212,8 @@ fn resampled(quantities: &[Quantity]) -> Vec<Vec<f64>> {
     resampled
 }
 
-/// The scenes of each resample of a suite of `size` scenes, as all estimates of this suite draw them: what is no mean over scenes is computed
-/// from them.
+/// Returns the scenes of each resample of a suite of `size` scenes, as all estimates of this suite draw them. Quantities that are not
+/// means over scenes are computed from them.
 pub fn draws(suite: Digest, size: usize) -> impl Iterator<Item = Vec<usize>> {
     let mut draws = Draws::of("bootstrap", BTreeMap::from([(suite, size)]));
     (0..RESAMPLES).map(move |_| draws.next().remove(&suite).unwrap_or_default())
@@ -339,7 +339,7 @@ mod tests {
         assert!((estimate.value - 0.1).abs() < 1e-12 && chance < 0.002, "{chance}");
         let (_, even) = of_seeds(&[0.1, -0.1, 0.2, -0.2, 0.3, -0.3]);
         assert!(even > 0.8, "{even}");
-        // Without any difference nothing speaks against none.
+        // Without any difference the chance is 1.
         assert_eq!(of_seeds(&[0.0; 5]).1, 1.0);
         assert_eq!(of_seeds(&[0.1; 12]).0, estimates(&[vec![once(suite("a", &[0.1; 12]))]])[0].unwrap());
     }
@@ -385,8 +385,8 @@ mod tests {
         assert!((low - 0.0093).abs() < 1e-3, "{low}");
     }
 
-    /// How many of 400 made-up studies have the true mean in their interval: rates of seeds about one half, and scenes on which these
-    /// fall.
+    /// Returns how many of 400 made-up studies have the true mean in their interval: rates of seeds about one half, and scenes on which
+    /// these fall.
     fn covered(seeds: usize, spread: f64, interval: impl Fn(&Quantity) -> [f64; 2]) -> f64 {
         let studies = 400;
         let holds = |study: usize| {
@@ -410,7 +410,7 @@ mod tests {
             let share = covered(seeds, spread, own);
             assert!((0.93..=0.995).contains(&share), "{seeds} seeds, spread {spread}: {share}");
         }
-        // What stood in its place: percentiles of means of drawn seeds on drawn scenes.
+        // The method before this one: percentiles of means of drawn seeds on drawn scenes.
         let of_both = |quantity: &Quantity| {
             let (seeds, mut stream) = (&quantity[0].seeds, Seed(12).stream(&["both"]));
             let mut draw = || {

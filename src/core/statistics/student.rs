@@ -7,12 +7,12 @@ use crate::kernel::num;
 const TINY: f64 = 1e-15;
 const STEPS: u32 = 500;
 
-/// The chance that |t| is at least this large, with so many degrees of freedom (any number above 0).
+/// Returns the chance that |t| is at least this large, with `freedom` degrees of freedom (any number above 0).
 pub fn two_sided(t: f64, freedom: f64) -> f64 {
     if t == 0.0 { 1.0 } else { incomplete_beta(freedom / (freedom + t * t), 0.5 * freedom, 0.5) }
 }
 
-/// The |t| that is reached with a chance of 5 %: what half a 95 % interval is in standard errors.
+/// Returns the |t| that is reached with a chance of 5 %: half a 95 % interval in standard errors.
 pub fn half_of_95(freedom: f64) -> f64 {
     reached(0.05, freedom, 1.0)
 }
@@ -31,11 +31,11 @@ fn reached(chance: f64, freedom: f64, mut low: f64) -> f64 {
 /// Most repetitions that [`needed`] names.
 const NEEDED_MAX: f64 = 1e9;
 
-/// How many paired repetitions show a mean difference of this size at 5 % (two-sided) with 80 % power, where single differences have this
-/// variance: the least n with |d| √n / s >= t(0.975, n - 1) + t(0.8, n - 1). `None` where no number can be told: no difference, no spread.
+/// Returns the number of paired repetitions that show a mean difference of this size at 5 % (two-sided) with 80 % power, where single
+/// differences have this variance: the least n with |d| √n / s >= t(0.975, n - 1) + t(0.8, n - 1). `None` without difference or spread.
 pub fn needed(difference: f64, variance: f64) -> Option<usize> {
     let ratio = variance / (difference * difference);
-    // Below the bound what spreads is rounding.
+    // Below the bound the spread is only rounding.
     if !(ratio > 1.0 / NEEDED_MAX && ratio < NEEDED_MAX) {
         return None;
     }

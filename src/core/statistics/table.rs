@@ -1,4 +1,4 @@
-//! The labelled rows as a regression reads them: standardised columns, and a weight each.
+//! The labelled rows as a regression reads them: standardised columns, and one weight per row.
 
 use crate::kernel::num;
 
@@ -10,9 +10,9 @@ const VARIATION_MIN: f64 = 1e-12;
 pub struct Table {
     /// Standardised values. `[rows][columns]`
     pub rows: Vec<Vec<f64>>,
-    /// How much each row counts, > 0. `[rows]`
+    /// Weight of each row, > 0. `[rows]`
     pub weights: Vec<f64>,
-    /// Numbers of a row.
+    /// Number of columns of a row.
     pub columns: usize,
 }
 

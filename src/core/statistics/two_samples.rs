@@ -1,5 +1,5 @@
-//! How two samples differ: number by number by Wasserstein's distance, and as a whole by whether a classifier tells them apart (a classifier
-//! two-sample test: Lopez-Paz and Oquab, 2017).
+//! Difference of two samples: number by number by Wasserstein's distance, and as a whole by how well a classifier tells them apart (a
+//! classifier two-sample test: Lopez-Paz and Oquab, 2017).
 
 use super::boosted;
 use super::bootstrap::{Estimate, draws, variance};
@@ -8,23 +8,23 @@ use crate::kernel::Digest;
 
 /// The classifier is fitted on all groups but those of one part in turn, and scores these.
 const PARTS: usize = 5;
-/// Trees of the classifier, and what each of them learns of what is left.
+/// Trees of the classifier, and the share of the remaining error that each of them learns.
 const TREES: u32 = 60;
 const LEARNING_RATE: f64 = 0.2;
 
-/// One of a sample.
+/// One member of a sample.
 #[derive(Clone, Debug)]
 pub struct Member {
-    /// Those of one group, such as a scene, are fitted together, left out together and drawn together; from 0.
+    /// Group such as a scene, from 0. Its members are fitted together, left out together and drawn together.
     pub group: usize,
-    /// Whether it is of the second sample.
+    /// True if it is of the second sample.
     pub second: bool,
-    /// As many numbers as every other has, all finite.
+    /// Numbers, all finite; every member has equally many.
     pub values: Vec<f64>,
 }
 
-/// The chance that the classifier takes the one of the second sample for it, of two drawn from both: 0.5 where it tells nothing. With the
-/// 95 % interval over groups. `None` where a sample is empty, or all are of one part.
+/// Returns the chance that the classifier, given one member of each sample, finds the one of the second: 0.5 where it tells nothing. With
+/// the 95 % interval over groups. `None` where a sample is empty, or all are of one part.
 pub fn told_apart(members: &[Member], suite: Digest) -> Option<Estimate> {
     let scores = scores(members)?;
     let mut order: Vec<usize> = (0..members.len()).collect();
@@ -39,7 +39,7 @@ pub fn told_apart(members: &[Member], suite: Digest) -> Option<Estimate> {
     Some(Estimate::drawn(value, &drawn.collect::<Vec<f64>>()))
 }
 
-/// What the classifier says of each, fitted without its part: the higher, the more it looks like the second sample.
+/// Returns the classifier's score of each member, fitted without its part: the higher, the more it looks like the second sample.
 fn scores(members: &[Member]) -> Option<Vec<f64>> {
     let mut scores = vec![0.0; members.len()];
     for part in 0..PARTS {
@@ -73,7 +73,7 @@ fn scores(members: &[Member]) -> Option<Vec<f64>> {
     Some(scores)
 }
 
-/// Area under the curve, each member counted as often as its group; who scores the same counts half. `order` is by score.
+/// Returns the area under the curve, each member counted as often as its group; equal scores count half. `order` is by score.
 fn auc(members: &[Member], scores: &[f64], order: &[usize], times: &[f64]) -> Option<f64> {
     let (mut below, mut firsts, mut seconds, mut at) = (0.0, 0.0, 0.0, 0);
     while at < order.len() {
@@ -126,7 +126,7 @@ mod tests {
     use super::*;
     use crate::kernel::Seed;
 
-    /// Two of each sample a scene; the second lies `by` deviations beside the first in one of three numbers.
+    /// Returns two members of each sample per scene; the second lies `by` deviations beside the first in one of three numbers.
     fn samples(by: f64) -> Vec<Member> {
         let mut draw = Seed(3).stream(&["two samples"]);
         let mut member = |place: usize| {

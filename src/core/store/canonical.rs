@@ -1,5 +1,5 @@
-//! A store's records in an order that depends on nothing but what is recorded, and bytes that go to a file as they come: what
-//! a bundle is made of and unpacked to.
+//! A store's records in an order that depends only on the records, and bytes that go to a file as they come: the way in which
+//! a bundle is made and unpacked.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -19,14 +19,14 @@ impl Store {
         self.write_but(None, to)
     }
 
-    /// Takes out what is recorded for a request, and the object with it where no other request has it: the pack is written anew,
+    /// Removes the record of a request, and its object where no other request has it: the pack is written anew,
     /// whole or not at all, and its index made again when the store is opened next. A store without such a record stays as it is.
     pub fn withdraw(self, kind: MemoKind, key: &Digest) -> Result<(), StoreError> {
         if self.memo_get(kind, key).is_none() {
             return Ok(());
         }
         self.flush()?;
-        // The index goes first: it speaks of the old pack alone, and a pack without one is read whole.
+        // The index goes first: it describes the old pack alone, and a pack without one is read whole.
         file::remove_file(&self.dir().join(INDEX))?;
         write_filled(&self.dir().join(PACK), |to| self.write_but(Some((kind, *key)), to))?
     }
@@ -47,12 +47,12 @@ impl Store {
     }
 }
 
-/// Opens a file to be read from its beginning to its end.
+/// Opens a file for reading from its beginning to its end.
 pub fn reader(path: &Path) -> Result<impl Read + use<>, StoreError> {
     file::open_bounded(path, u64::MAX)
 }
 
-/// A file that remembers why it took no more: whoever fills it knows neither its name nor its disk.
+/// A file that remembers why it took no more bytes: the code that fills it knows neither its name nor its disk.
 struct Remembering {
     file: File,
     refused: Option<std::io::Error>,
@@ -73,7 +73,7 @@ impl Write for Remembering {
     }
 }
 
-/// Writes a file from what `fill` writes, whole or not at all, without having it in memory. What `fill` says is passed on, unless
+/// Writes a file from the output of `fill`, whole or not at all, without having it in memory. An error of `fill` is passed on, unless
 /// the file was at fault.
 pub fn write_filled<E>(
     path: &Path,

@@ -5,7 +5,7 @@ use serde_json::Value;
 /// Longest text of a value in a message, in characters.
 const MAX_CHARS: usize = 120;
 
-/// `(JSON Pointer, left, right)` of the first difference in the order of sorted keys and of list places. Values print as
+/// Returns `(JSON Pointer, left, right)` of the first difference in the order of sorted keys and of list places. Values print as
 /// JSON, shortened; a missing one prints as `nothing`. For equal values the pointer is `at` itself.
 pub fn first_difference(at: &str, left: &Value, right: &Value) -> (String, String, String) {
     let mut at = at.to_string();
@@ -19,7 +19,7 @@ pub fn first_difference(at: &str, left: &Value, right: &Value) -> (String, Strin
     (at, print(left), print(right))
 }
 
-/// Equality as the canonical bytes see it: one zero.
+/// Returns `true` if the canonical bytes are equal: they have one zero.
 fn same(left: &Value, right: &Value) -> bool {
     crate::kernel::canonical_bytes(left) == crate::kernel::canonical_bytes(right)
 }

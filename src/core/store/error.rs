@@ -1,23 +1,23 @@
-//! What can go wrong on disk. Every text names the file and the place, what was expected, and what to do.
+//! Errors of the disk. Every text names the file and the place, what was expected, and what to do.
 
 use std::path::{Path, PathBuf};
 
 use super::MemoKind;
 use crate::kernel::{Digest, canon::CanonError};
 
-/// Why the disk did not give or take what was asked.
+/// Why the disk refused a request.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// The operating system refused.
     #[error("cannot {action} {}: {source}; {remedy}", path.display())]
     Io {
-        /// What was tried.
+        /// Action that was tried.
         action: &'static str,
         /// The file or folder.
         path: PathBuf,
-        /// What the operating system said.
+        /// Error of the operating system.
         source: std::io::Error,
-        /// What helps.
+        /// Advice that helps.
         remedy: &'static str,
     },
     /// Stored bytes are not what was stored.
@@ -28,10 +28,10 @@ pub enum StoreError {
     Locked {
         /// The file that is locked.
         path: PathBuf,
-        /// Who holds the lock.
+        /// Holder of the lock.
         holder: String,
     },
-    /// The disk gives no lock, whoever asks.
+    /// The disk gives no lock to anybody.
     #[error(
         "cannot lock {}: {source}; this disk has no file locks (mounts of NFS, Lustre and GPFS may have none), so nothing would keep a second \
          command from writing there at the same time: name a folder on a local disk (--out), or have the disk mounted with flock (docs/RUNS.md)",
@@ -40,17 +40,17 @@ pub enum StoreError {
     NoLocks {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Something that is not this program's has a name that it derived.
+    /// Something that is not this program's has a name that the program derived.
     #[error("{}: expected {expected}, found {found}; it stays as it is: move it aside, or name another place", path.display())]
     Foreign {
         /// The file or folder.
         path: PathBuf,
-        /// What would be ours.
+        /// Kind of entry that would be ours.
         expected: &'static str,
-        /// What is there.
+        /// Kind of entry that is there.
         found: &'static str,
     },
     /// A reader asked for at most `max_bytes`.
@@ -75,7 +75,7 @@ pub enum StoreError {
          run `evodrive verify` to see which of them this build computes"
     )]
     Conflict {
-        /// What kind of request.
+        /// Kind of request.
         kind: MemoKind,
         /// The request.
         key: Digest,
@@ -92,7 +92,7 @@ pub enum StoreError {
         /// Why it has no canonical bytes.
         source: CanonError,
     },
-    /// A continued run did something else than the recorded one.
+    /// A continued run differs from the recorded one.
     #[error("{0}")]
     Divergence(Box<Divergence>),
     /// A sealed transcript takes no more events.
@@ -110,15 +110,15 @@ pub enum StoreError {
 pub struct Damage {
     /// The damaged file.
     pub file: PathBuf,
-    /// Byte offset, `line 7`, `table memo`: where in the file.
+    /// Place in the file: byte offset, `line 7`, `table memo`.
     pub place: String,
     /// The object that is lost, where it is known.
     pub digest: Option<Digest>,
-    /// What was expected there and what was found.
+    /// Description of what was expected there and what was found.
     pub what: String,
     /// Memo entries that name the object, as `llm <key>`.
     pub referred_by: Vec<String>,
-    /// What helps.
+    /// Advice that helps.
     pub remedy: String,
 }
 
@@ -147,9 +147,9 @@ pub struct Divergence {
     pub kind: String,
     /// JSON Pointer of the first differing field: `/kind`, or inside the body `/body/...`.
     pub field: String,
-    /// What is recorded.
+    /// Recorded value.
     pub recorded: String,
-    /// What came out now.
+    /// Value that came out now.
     pub computed: String,
 }
 

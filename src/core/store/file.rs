@@ -25,10 +25,10 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     sync_dir(parent_of(path))
 }
 
-/// Bytes that the name of a file may have which is written: it gets a longer one first, and a system has room for 255.
+/// Most bytes of the name of a file to be written: it gets a longer name first, and a system has room for 255.
 const NAME_BYTES_MAX: usize = 200;
 
-/// Whether a file of this name can be written, for who asks before the work whose result it is to hold.
+/// Checks that a file of this name can be written, for callers that ask before the work whose result it is to hold.
 pub fn fits(path: &Path) -> Result<(), StoreError> {
     match path.file_name().map_or(0, |name| name.len()) {
         ..=NAME_BYTES_MAX => Ok(()),
@@ -36,7 +36,7 @@ pub fn fits(path: &Path) -> Result<(), StoreError> {
     }
 }
 
-/// Writes a whole file where nothing is, and says whether it did: of two that write at once one does. What has the name stays.
+/// Writes a whole file where nothing is, and returns `true` if it did: of two writers at once one does. A file of that name stays.
 pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool, StoreError> {
     let (temporary, mut file) = neighbour(path)?;
     let written = synced_with(&mut file, bytes).and_then(|()| named_anew(&temporary, path));
@@ -45,7 +45,7 @@ pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool, StoreError> {
     sync_dir(parent_of(path)).map(|()| is_new)
 }
 
-/// Gives a file a name that nothing has; says whether it was free.
+/// Gives a file a name that nothing has; returns `true` if it was free.
 fn named_anew(from: &Path, to: &Path) -> std::io::Result<bool> {
     let free = |done: std::io::Result<()>| match done {
         Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => Ok(false),
@@ -53,7 +53,7 @@ fn named_anew(from: &Path, to: &Path) -> std::io::Result<bool> {
     };
     match fs::hard_link(from, to) {
         Err(error) if error.kind() != std::io::ErrorKind::AlreadyExists => {
-            // A disk without hard links: the name is taken first, and what it names comes after it.
+            // On a disk without hard links the name is taken first, and the content follows.
             let taken = free(fs::OpenOptions::new().write(true).create_new(true).open(to).map(drop))?;
             if taken { fs::rename(from, to).map(|()| true) } else { Ok(false) }
         }
@@ -61,7 +61,7 @@ fn named_anew(from: &Path, to: &Path) -> std::io::Result<bool> {
     }
 }
 
-/// The hidden neighbour that a file is written to before it gets its name, made anew; its folder is made. What bears such a name
+/// The hidden neighbour that a file is written to before it gets its name, made anew; its folder is made. An entry that has such a name
 /// already is left alone: it may be somebody's, or of another machine's process of the same number.
 fn neighbour(path: &Path) -> Result<(PathBuf, File), StoreError> {
     fits(path)?;
@@ -85,7 +85,7 @@ fn synced_with(file: &mut File, bytes: &[u8]) -> std::io::Result<()> {
     file.sync_all()
 }
 
-/// Makes a rename or a new file survive a power cut. A folder that cannot be opened to be read, or a file system that knows no such
+/// Makes a rename or a new file survive a power cut. A folder that cannot be opened for reading, or a file system without such a
 /// request, is no error; a request that failed is one.
 pub(super) fn sync_dir(dir: &Path) -> Result<(), StoreError> {
     let Ok(opened) = File::open(dir) else { return Ok(()) };
@@ -100,7 +100,7 @@ fn synced(dir: &Path, came: std::io::Result<()>) -> Result<(), StoreError> {
     }
 }
 
-/// The name of a folder's entry. One that is no UTF-8 could be told nobody and written into no file.
+/// Returns the name of a folder's entry. A name that is not UTF-8 could be shown to nobody and written into no file, so it is an error.
 fn name_of(entry: &fs::DirEntry) -> Result<String, StoreError> {
     entry.file_name().into_string().map_err(|_| StoreError::Io {
         action: "take",
@@ -110,12 +110,12 @@ fn name_of(entry: &fs::DirEntry) -> Result<String, StoreError> {
     })
 }
 
-/// Whether anything bears this name, a link that leads nowhere too.
+/// Returns `true` if anything bears this name, a link that leads nowhere included.
 pub fn is_taken(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok()
 }
 
-/// Takes the lock of an open file, which its closing gives back: its process's end, too.
+/// Takes the lock of an open file. Closing the file gives it back, as does the end of the process.
 pub(super) fn lock(file: &File, path: &Path) -> Result<(), StoreError> {
     match file.try_lock() {
         Ok(()) => Ok(()),
@@ -133,7 +133,7 @@ pub(super) fn parent_of(path: &Path) -> &Path {
     }
 }
 
-/// Adds to the end of a file, which is made where it is not there.
+/// Adds to the end of a file, which is made if it does not exist.
 pub fn append(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     let opened = fs::OpenOptions::new().append(true).create(true).open(path);
     opened.and_then(|mut file| file.write_all(bytes)).map_err(|source| StoreError::io("append to", path, source))
@@ -151,7 +151,7 @@ pub fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>, StoreError> 
     Ok(bytes)
 }
 
-/// Refuses a pipe and a device before anybody waits for it: what is stored is a file, by whatever way it is reached.
+/// Refuses a pipe and a device before anybody waits for it: only files are stored, by whatever path they are reached.
 pub(super) fn no_device(path: &Path) -> Result<(), StoreError> {
     let is = fs::metadata(path).ok().map(|of| of.file_type());
     match is.filter(|is| !is.is_file() && !is.is_dir()) {
@@ -160,7 +160,7 @@ pub(super) fn no_device(path: &Path) -> Result<(), StoreError> {
     }
 }
 
-/// Opens a file to be read that is not longer than this now.
+/// Opens a file for reading that is at present no longer than this.
 pub fn open_bounded(path: &Path, max_bytes: u64) -> Result<File, StoreError> {
     let io = |source| StoreError::io("read", path, source);
     no_device(path)?;
@@ -205,7 +205,7 @@ pub fn length(path: &Path) -> Result<u64, StoreError> {
     }
 }
 
-/// Gives a file another name in its folder; what had that name is gone.
+/// Gives a file another name in its folder; a file that had that name is gone.
 pub fn rename(from: &Path, to: &Path) -> Result<(), StoreError> {
     fs::rename(from, to).map_err(|source| StoreError::io("rename", from, source))?;
     sync_dir(parent_of(to))
@@ -233,8 +233,8 @@ pub fn list_dirs(root: &Path) -> Result<Vec<PathBuf>, StoreError> {
     Ok(entries)
 }
 
-/// Whether there is a plain file; nothing there is none. A link, a folder, a pipe and a device are errors: whoever can write here
-/// must not have us read elsewhere, or wait.
+/// Returns `true` for a plain file, `false` for nothing. A link, a folder, a pipe and a device are errors: somebody who can write here
+/// must not make us read elsewhere, or wait.
 pub fn is_plain_file(path: &Path) -> Result<bool, StoreError> {
     let io = |source| StoreError::io("read", path, source);
     match fs::symlink_metadata(path) {
@@ -255,7 +255,7 @@ fn kind_of(is: fs::FileType) -> &'static str {
     }
 }
 
-/// Makes a folder that is none yet; a link in its place is an error.
+/// Makes a folder that does not exist yet; a link in its place is an error.
 pub fn create_plain_dir(path: &Path) -> Result<(), StoreError> {
     create_dir(path)?;
     let io = |source| StoreError::io("make the folder", path, source);
@@ -266,7 +266,7 @@ pub fn create_plain_dir(path: &Path) -> Result<(), StoreError> {
     Err(io(NoFile::error("a folder", kind_of(is))))
 }
 
-/// What lies in a folder under names that end so, sorted, whatever it is: nothing is followed.
+/// Returns the entries of a folder whose names have this ending, sorted, of any kind: no link is followed.
 pub fn list_entries(dir: &Path, ending: &str) -> Result<Vec<PathBuf>, StoreError> {
     let io = |source| StoreError::io("list", dir, source);
     let mut entries = Vec::new();
@@ -287,8 +287,8 @@ pub fn create_dir(path: &Path) -> Result<(), StoreError> {
     fs::create_dir_all(path).map_err(|source| StoreError::io("make the folder", path, source))
 }
 
-/// The files under `root` whose names end in one of `endings` (`[".xml"]`; an empty list takes all), sorted by path so that
-/// no file system's order is seen. Hidden entries and linked folders are left out. A `root` that is a file is the answer itself.
+/// Returns the files under `root` whose names end in one of `endings` (`[".xml"]`; an empty list takes all), sorted by path so that
+/// the file system's order does not matter. Hidden entries and linked folders are left out. A `root` that is a file is the only answer.
 pub fn list_files(root: &Path, endings: &[&str]) -> Result<Vec<PathBuf>, StoreError> {
     let mut entries = Vec::new();
     if fs::metadata(root).map_err(|source| StoreError::io("read", root, source))?.is_file() {
@@ -327,7 +327,7 @@ pub fn copy(from: &Path, to: &Path) -> Result<(), StoreError> {
     write_atomic(to, &read_bounded(from, u64::MAX - 1)?)
 }
 
-/// Copies a file that may be a program: whoever could start it can start the copy.
+/// Copies a file that may be a program: anyone who could start it can start the copy.
 pub fn copy_program(from: &Path, to: &Path) -> Result<(), StoreError> {
     copy(from, to)?;
     let mode = fs::metadata(from).map(|of| of.permissions());
@@ -453,7 +453,7 @@ mod tests {
         for kind in [InvalidInput, Unsupported] {
             assert!(synced(dir, Err(kind.into())).is_ok());
         }
-        // What is asked of a folder that is there is done, and one that is not there is another command's matter.
+        // A folder that exists is synced, and one that does not is left to another command.
         assert!(sync_dir(tempfile::tempdir().unwrap().path()).is_ok() && sync_dir(dir).is_ok());
     }
 

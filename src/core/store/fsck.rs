@@ -19,7 +19,7 @@ use crate::kernel::Digest;
 
 const REINDEX: &str = "delete the index; it is rebuilt from the pack when the store is opened next";
 
-/// What `fsck` saw.
+/// Findings of `fsck`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct FsckReport {
     /// Whole objects.
@@ -28,7 +28,7 @@ pub struct FsckReport {
     pub memo_entries: usize,
     /// Size of the pack.
     pub pack_bytes: u64,
-    /// Whether every byte was read and hashed, or only headers.
+    /// True if every byte was read and hashed, false if only headers were.
     pub read_all: bool,
     /// Harmless findings, which the next opening mends by itself.
     pub notes: Vec<String>,
@@ -68,7 +68,7 @@ pub fn fsck(dir: &Path, read_all: bool) -> Result<FsckReport, StoreError> {
     Ok(report)
 }
 
-/// What the index says, if it can be read.
+/// Returns the content of the index, if it can be read.
 fn check_index(path: &Path, writable: bool, report: &mut FsckReport) -> Option<Places> {
     if !path.exists() {
         report.notes.push("there is no index; it is rebuilt from the pack when the store is opened next".to_string());

@@ -23,16 +23,16 @@ const TABLES: &str = "
     CREATE TABLE pack (id INTEGER PRIMARY KEY CHECK (id = 0), indexed_to INTEGER NOT NULL, fingerprint INTEGER NOT NULL);
     INSERT INTO pack VALUES (0, 0, 0);";
 
-/// What the index says, in memory.
+/// Content of the index, in memory.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
 pub(super) struct Places {
     /// Object -> (offset of its record, length of its body).
     pub objects: BTreeMap<Digest, (u64, u64)>,
     /// Request -> (object, offset of its record).
     pub memo: BTreeMap<(MemoKind, Digest), (Digest, u64)>,
-    /// The pack is described up to here.
+    /// End of the part of the pack that is described.
     pub indexed_to: u64,
-    /// Exclusive or of the hashes of all entries. It shows whether a row was changed, and costs one hash an entry.
+    /// Exclusive or of the hashes of all entries. It shows whether a row was changed, and costs one hash per entry.
     pub fingerprint: u64,
 }
 
@@ -56,7 +56,7 @@ impl Places {
         }
     }
 
-    /// Whether the records tile the pack from 0 to `indexed_to` and every memo entry names an object.
+    /// Returns `true` if the records tile the pack from 0 to `indexed_to` and every memo entry names an object.
     pub fn is_whole(&self) -> bool {
         let mut spans: Vec<(u64, u64)> = self.objects.values().map(|(at, length)| (*at, *length)).collect();
         spans.extend(self.memo.values().map(|(_, at)| (*at, MEMO_BODY)));
@@ -92,7 +92,7 @@ pub(super) struct Index {
     is_without_locks: bool,
 }
 
-/// SQLite's name for a system whose locks are not asked for.
+/// SQLite's name for a system without locks.
 const NO_LOCKS: &str = "unix-none";
 
 impl Index {
@@ -110,15 +110,15 @@ impl Index {
         Ok(index)
     }
 
-    /// Opens an index that is there, to look at it. Read-only only where its folder is: SQLite must be able to roll back
+    /// Opens an existing index, to look at it. Read-only only where its folder is: SQLite must be able to roll back
     /// what a killed process had begun.
     pub fn open_existing(path: &Path, writable: bool) -> rusqlite::Result<Index> {
         let flags = if writable { OpenFlags::SQLITE_OPEN_READ_WRITE } else { OpenFlags::SQLITE_OPEN_READ_ONLY };
         Index::on_any_disk(path, flags, "BEGIN; SELECT count(*) FROM sqlite_schema; COMMIT;")
     }
 
-    /// Opens a file and does what `first` says. Where that is refused it is tried again without SQLite's own locks (of `fcntl`), which some
-    /// disks do not have: who opens an index holds the store's lock, or only looks.
+    /// Opens a file and runs `first`. If that is refused it tries again without SQLite's own locks (of `fcntl`), which some
+    /// disks do not have: the opener of an index holds the store's lock, or only looks.
     fn on_any_disk(path: &Path, flags: OpenFlags, first: &str) -> rusqlite::Result<Index> {
         let begun = |connection: Connection, is_without_locks| {
             // Nobody else holds such a lock, so there is nothing to wait for.
@@ -133,7 +133,7 @@ impl Index {
         })
     }
 
-    /// Whether the disk has no locks for it.
+    /// Returns `true` if the disk has no locks for it.
     pub fn is_without_locks(&self) -> bool {
         self.is_without_locks
     }
@@ -168,7 +168,7 @@ impl Index {
         Ok((places, fingerprint))
     }
 
-    /// Adds pieces and says how far the pack is now described: all in one transaction.
+    /// Adds pieces and records how far the pack is now described, all in one transaction.
     pub fn add(&mut self, pieces: &[Piece], indexed_to: u64, fingerprint: u64) -> rusqlite::Result<()> {
         let transaction = self.connection.transaction()?;
         {
@@ -191,7 +191,7 @@ impl Index {
         transaction.commit()
     }
 
-    /// What SQLite itself finds wrong with its file; empty = nothing.
+    /// Returns the faults that SQLite itself finds in its file; empty = nothing.
     pub fn integrity(&self) -> rusqlite::Result<Vec<String>> {
         let mut statement = self.connection.prepare("PRAGMA integrity_check")?;
         let lines = statement.query_map([], |row| row.get::<_, String>(0))?.collect::<rusqlite::Result<Vec<_>>>()?;

@@ -1,11 +1,11 @@
-//! Lines of a stored file, read one by one: nobody holds more of a file than what is read of it, and a line that is longer, or
+//! Lines of a stored file, read one by one: no more of a file is held than the part in use, and a line that is longer, or
 //! heavier in memory, than any that is written ends the reading.
 
 use std::io::BufRead;
 
-/// Bytes that a line of a stored file may have.
+/// Most bytes of a line of a stored file.
 pub const LINE_BYTES_MAX: usize = 32 << 20;
-/// Bytes that the values of one line may take in memory.
+/// Most bytes that the values of one line may take in memory.
 const LINE_WEIGHT_MAX: usize = 160 << 20;
 /// Shorter lines are not weighed: they cannot be too heavy.
 const UNWEIGHED: usize = 1 << 20;
@@ -15,24 +15,24 @@ const KEY_WEIGHT: usize = 40;
 const ITEM_WEIGHT: usize = 48;
 /// Bytes that a table of a TOML text takes in memory while the file is checked: measured, 1.7 KB.
 const TOML_TABLE_WEIGHT: usize = 1500;
-/// Bytes that whatever ends a word takes, a line feed too.
+/// Bytes that each character which ends a word takes, a line feed too.
 const TOML_TOKEN_WEIGHT: usize = 64;
-/// A line counts as so many bytes where lines are read together, so that many empty ones are no small piece.
+/// Least bytes that a line counts for where lines are read together, so that many empty ones are no small piece.
 const LINE_COUNTS_AS: usize = 256;
 
 /// A line of a file, without its line feed.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Line {
-    /// What stands on it; of one that is too long, its beginning.
+    /// Content of the line; of one that is too long, its beginning.
     pub bytes: Vec<u8>,
     /// A line feed ends it.
     pub ended: bool,
 }
 
-/// The next line; none at the end of the file. One longer than the limit is cut one byte behind it and told by `too_large`.
+/// Returns the next line; `None` at the end of the file. One longer than the limit is cut one byte behind it and reported by `too_large`.
 pub fn next_line(from: &mut impl BufRead) -> std::io::Result<Option<Line>> {
     let mut bytes = Vec::new();
-    // The limit bounds what is held, so that a device without an end is no danger.
+    // The limit bounds the memory, so that a device without an end is no danger.
     let most = LINE_BYTES_MAX as u64 + 2;
     if std::io::Read::take(&mut *from, most).read_until(b'\n', &mut bytes)? == 0 {
         return Ok(None);
@@ -41,7 +41,7 @@ pub fn next_line(from: &mut impl BufRead) -> std::io::Result<Option<Line>> {
     Ok(Some(Line { bytes, ended }))
 }
 
-/// The next lines from `next`, at least one where there is one, until they have so many bytes.
+/// Returns the next lines from `next`, at least one where there is one, until they have this many bytes.
 pub fn batch<E>(mut next: impl FnMut() -> Result<Option<Line>, E>, bytes: usize) -> Result<Vec<Line>, E> {
     let (mut lines, mut read) = (Vec::new(), 0);
     while read < bytes {
@@ -52,7 +52,7 @@ pub fn batch<E>(mut next: impl FnMut() -> Result<Option<Line>, E>, bytes: usize)
     Ok(lines)
 }
 
-/// What was expected of a line and what was found, where it is longer than a line may be or its values take too much memory.
+/// Returns what was expected and what was found, where the line is too long or its values take too much memory.
 pub fn too_large(line: &[u8]) -> Option<(String, String)> {
     if line.len() > LINE_BYTES_MAX {
         return Some((format!("at most {LINE_BYTES_MAX} bytes in a line"), "a longer one".into()));
@@ -62,7 +62,7 @@ pub fn too_large(line: &[u8]) -> Option<(String, String)> {
     (weight > LINE_WEIGHT_MAX).then(|| (expected(), format!("one that may take {weight}")))
 }
 
-/// The same of a TOML text, whose reader keeps a table for each name and each part of a dotted name, and copies of them.
+/// Checks a TOML text likewise; its reader keeps a table for each name and each part of a dotted name, and copies of them.
 pub fn toml_too_large(text: &str) -> Option<(String, String)> {
     let mut weight = text.len();
     let mut before = b' ';
@@ -79,7 +79,7 @@ pub fn toml_too_large(text: &str) -> Option<(String, String)> {
     (weight > LINE_WEIGHT_MAX).then(|| (expected(), format!("one that may take {weight}")))
 }
 
-/// Bytes that the values of a JSON text take in memory, at most: a pair of brackets in the file is two bytes there and hundreds here.
+/// Returns the most bytes that the values of a JSON text take in memory: a pair of brackets is two bytes in the file and hundreds here.
 fn weight(text: &[u8]) -> usize {
     if text.len() <= UNWEIGHED {
         return text.len();
@@ -142,7 +142,7 @@ mod tests {
         let objects = |count: usize| format!("[{}{{}}]", r#"{"a":0},"#.repeat(count)).into_bytes();
         assert_eq!(too_large(&objects(200_000)), None);
         assert!(too_large(&objects(300_000)).unwrap().0.contains("of memory"));
-        // What stands in a text is no bracket.
+        // A bracket inside a text is no bracket.
         let text = format!("\"{}\"", r#"\"{\"a\":0},"#.repeat(300_000)).into_bytes();
         assert_eq!(too_large(&text), None);
     }

@@ -1,8 +1,8 @@
-//! What requests of the memo ask for.
+//! Kinds of requests in the memo.
 
 use serde::{Deserialize, Serialize};
 
-/// What a memo entry's request asked for.
+/// Kind of a memo entry's request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MemoKind {
@@ -10,14 +10,14 @@ pub enum MemoKind {
     Llm,
     /// A simulation -> its outcome.
     Rollout,
-    /// A program tried on a scene by the compile gate -> what the compiler said.
+    /// A program tried on a scene by the compile gate -> the compiler's answer.
     Compile,
 }
 
 impl MemoKind {
     const ALL: [MemoKind; 3] = [MemoKind::Llm, MemoKind::Rollout, MemoKind::Compile];
 
-    /// As printed and as stored in the index.
+    /// Returns the name as printed and as stored in the index.
     pub fn name(self) -> &'static str {
         match self {
             MemoKind::Llm => "llm",

@@ -1,4 +1,4 @@
-//! All disk: objects by digest, memo (request -> object), transcript (append-only), atomic files, folders of our own.
+//! All disk access: objects by digest, memo (request -> object), transcript (append-only), atomic files, folders of our own.
 
 mod canonical;
 mod difference;

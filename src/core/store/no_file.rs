@@ -1,6 +1,6 @@
-//! Something of another kind where a file or a folder is expected: a matter of the place that was named.
+//! Something of another kind where a file or a folder is expected: a fault of the place that was named.
 
-/// What was expected, and what lies there.
+/// The kind that was expected, and the kind that is there.
 #[derive(Debug, thiserror::Error)]
 #[error("expected {expected}, found {found}")]
 pub struct NoFile {
@@ -9,7 +9,7 @@ pub struct NoFile {
 }
 
 impl NoFile {
-    /// The same as the disk's word.
+    /// Returns it as an error of the disk.
     pub fn error(expected: &'static str, found: &'static str) -> std::io::Error {
         std::io::Error::other(NoFile { expected, found })
     }

@@ -23,7 +23,7 @@ use crate::kernel::Digest;
 /// File name of the lock inside a store's folder.
 const LOCK: &str = "lock";
 
-/// What was repaired when a store was opened.
+/// Repairs made when a store was opened.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Opening {
     /// Bytes of a write that was cut off, removed from the end of the pack.
@@ -32,7 +32,7 @@ pub struct Opening {
     pub indexed_records: usize,
     /// Why the whole index was rebuilt, if it was.
     pub rebuilt_because: Option<String>,
-    /// The disk has none of the locks that SQLite takes, so the index goes without: the store's own lock stands for them.
+    /// The disk has none of the locks that SQLite takes, so the index goes without: the store's own lock replaces them.
     pub without_index_locks: bool,
 }
 
@@ -42,11 +42,11 @@ pub struct Store {
     dir: PathBuf,
     state: Mutex<State>,
     opening: Opening,
-    /// Held until the store is dropped; none of a store that cannot be written to.
+    /// Held until the store is dropped; `None` for a store that cannot be written to.
     _lock: Option<Lock>,
 }
 
-/// A store's lock, held until it is dropped. Who holds it stands in its file, and nobody's name is left there.
+/// A store's lock, held until it is dropped. Its file names the holder; when the lock is dropped the name is removed.
 #[derive(Debug)]
 pub(super) struct Lock(File);
 
@@ -59,9 +59,9 @@ impl Drop for Lock {
 #[derive(Debug)]
 struct State {
     pack: File,
-    /// None of a store that is only looked at.
+    /// `None` for a store that is only looked at.
     index: Option<Index>,
-    /// What was put into a store that is only looked at, which is gone with it.
+    /// Objects put into a store that is only looked at; they are gone with it.
     unsaved: BTreeMap<Digest, Vec<u8>>,
     places: Places,
     /// End of the pack: where the next record goes.
@@ -111,8 +111,8 @@ impl Store {
         Ok(store)
     }
 
-    /// Opens the store of a finished run for who only looks. Where the folder can be written to, nobody else writes to it meanwhile;
-    /// where it cannot, nothing is locked or mended, and what is put is there until the store is dropped.
+    /// Opens the store of a finished run only to look. Where the folder can be written to, nobody else writes to it meanwhile;
+    /// where it cannot, nothing is locked or mended, and objects that are put exist until the store is dropped.
     pub fn open_to_look(dir: &Path) -> Result<Store, StoreError> {
         match take_lock_to_look(dir)? {
             Some(lock) => {
@@ -150,7 +150,7 @@ impl Store {
         &self.dir
     }
 
-    /// What was repaired when it was opened.
+    /// Returns the repairs made when it was opened.
     pub fn opening(&self) -> &Opening {
         &self.opening
     }
@@ -195,7 +195,7 @@ impl Store {
         Err(StoreError::corrupt(Damage::at(&path, format!("offset {at}"), what).of(*digest)))
     }
 
-    /// Whether an object of that name was stored.
+    /// Returns `true` if an object of that name was stored.
     pub fn contains(&self, digest: &Digest) -> bool {
         self.state().places.objects.contains_key(digest)
     }
@@ -205,7 +205,7 @@ impl Store {
         self.state().places.memo.get(&(kind, *key)).map(|(object, _)| *object)
     }
 
-    /// Records which object a request gave. The object must have been put; another object for the same request is a conflict.
+    /// Records the object that a request gave. The object must have been put; another object for the same request is a conflict.
     pub fn memo_put(&self, kind: MemoKind, key: &Digest, object: &Digest) -> Result<(), StoreError> {
         let mut state = self.state();
         if !state.places.objects.contains_key(object) {
@@ -295,7 +295,7 @@ pub(super) fn take_lock(dir: &Path) -> Result<Lock, StoreError> {
     let path = dir.join(LOCK);
     let io = |source| StoreError::io("lock", &path, source);
     if path.exists() && !path.is_file() {
-        // It holds nothing that anybody misses.
+        // The file holds nothing that anybody needs.
         let remedy = "remove it or move it away: the lock is made again";
         let source = NoFile::error("a file", "a folder, a pipe or a device");
         return Err(StoreError::Io { action: "lock", path, source, remedy });
@@ -316,7 +316,7 @@ pub(super) fn take_lock(dir: &Path) -> Result<Lock, StoreError> {
     Ok(Lock(file))
 }
 
-/// The same for who only looks: a folder that cannot be written to has no other writer, and is looked at without a lock. So is one
+/// Takes the lock only to look: a folder that cannot be written to has no other writer, and is looked at without a lock. So is one
 /// on a disk that has no locks.
 pub(super) fn take_lock_to_look(dir: &Path) -> Result<Option<Lock>, StoreError> {
     match take_lock(dir) {
@@ -336,7 +336,7 @@ fn load_index(path: &Path) -> Result<(Index, Places), String> {
     Ok((index, places))
 }
 
-/// What a whole index says.
+/// Returns the content of a whole index.
 fn loaded(index: &Index) -> Result<Places, String> {
     let problems = index.integrity().map_err(|error| error.to_string())?;
     if !problems.is_empty() {

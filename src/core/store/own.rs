@@ -1,4 +1,4 @@
-//! Folders of this program's own. Each is made anew and marked by a file inside, and is removed by that mark alone: a name that we
+//! Folders of this program's own. Each is made anew and marked by a file inside, and only a marked one is removed: a name that we
 //! derived may be that of somebody else's folder. No other place removes folders.
 
 use std::{
@@ -15,26 +15,26 @@ use super::{
 /// File name of the mark.
 const MARK: &str = ".evodrive-own";
 const FORMAT: &str = "evodrive-folder/1";
-/// What stands in the mark is no longer than this, bytes.
+/// Largest size of a mark, bytes.
 const MARK_BYTES_MAX: usize = 512;
-/// What is made in a scratch folder until it gets its name.
+/// Name in a scratch folder of the folder that is being made.
 const WHOLE: &str = "whole";
 
 /// A folder that this program made for one purpose, and may remove.
 #[derive(Debug)]
 pub struct OwnDir {
     dir: PathBuf,
-    /// What it is for; stands in its mark.
+    /// Purpose of the folder; stands in its mark.
     id: String,
 }
 
 impl OwnDir {
-    /// Makes a folder where nothing is; none where the name is taken.
+    /// Makes a folder where nothing is; `None` where the name is taken.
     pub fn make(dir: &Path, id: &str) -> Result<Option<OwnDir>, StoreError> {
         if is_taken(dir) {
             return Ok(None);
         }
-        // It bears its mark from the first moment: a kill leaves no folder that nobody may remove.
+        // It bears its mark from the first moment, so that a kill never leaves a folder that cannot be removed.
         let scratch = Scratch::beside(dir)?;
         let whole = scratch.dir.join(WHOLE);
         let io = |source| StoreError::io("make the folder", dir, source);
@@ -56,7 +56,7 @@ impl OwnDir {
         own.check().map(|()| own)
     }
 
-    /// Whether a folder bears a mark of this program, for whatever it was made.
+    /// Returns `true` if a folder bears a mark of this program, made for any purpose.
     pub fn is_one(dir: &Path) -> bool {
         marks(dir).is_ok_and(|mark| mark.starts_with(FORMAT))
     }
@@ -70,13 +70,13 @@ impl OwnDir {
         Err(StoreError::Foreign { path: self.dir.clone(), expected: "no folder, or one that this command made", found })
     }
 
-    /// Takes the mark off: from now on it is the user's.
+    /// Takes the mark off: from now on the folder is the user's.
     pub fn give_away(&self) -> Result<(), StoreError> {
         self.check()?;
         super::remove_file(&self.dir.join(MARK))
     }
 
-    /// Removes it with all that is in it, the mark last. It is no error if it is gone already, and one if it is not ours.
+    /// Removes it with all that is in it, the mark last. It is no error if it is gone already; it is one if it is not ours.
     pub fn remove(&self) -> Result<(), StoreError> {
         if !is_taken(&self.dir) {
             return Ok(());
@@ -86,7 +86,7 @@ impl OwnDir {
     }
 }
 
-/// Nothing is followed: a link in the folder goes, what it leads to stays.
+/// Empties a folder without following links: a link in it goes, its target stays.
 fn emptied(dir: &Path) -> std::io::Result<()> {
     for entry in fs::read_dir(dir)? {
         let entry = entry?;
@@ -103,7 +103,7 @@ fn line(id: &str) -> String {
     format!("{FORMAT} {id}\n")
 }
 
-/// Writes the mark, and holds its lock from before it bears its name. A disk may have no locks.
+/// Writes the mark, and holds its lock before the file gets its name. A disk may have no locks.
 fn marked(dir: &Path, id: &str) -> std::io::Result<Option<File>> {
     let part = dir.join(format!("{MARK}.part"));
     let mut file = OpenOptions::new().read(true).write(true).create_new(true).open(&part)?;
@@ -113,7 +113,7 @@ fn marked(dir: &Path, id: &str) -> std::io::Result<Option<File>> {
     Ok(is_locked.then_some(file))
 }
 
-/// What stands in a folder's mark, or what is there in place of a folder that has one.
+/// Returns the text of a folder's mark, or a description of what is there in its place.
 fn marks(dir: &Path) -> Result<String, &'static str> {
     let is = |path: &Path| fs::symlink_metadata(path).map(|of| of.file_type());
     match is(dir) {
@@ -131,18 +131,18 @@ fn marks(dir: &Path) -> Result<String, &'static str> {
     String::from_utf8(bytes).map_err(|_| "a folder with a mark of something else")
 }
 
-/// A folder for what is soon gone: nobody else's, and removed when this is dropped or, if its command was killed, by the next one.
+/// A temporary folder: nobody else's, and removed when this is dropped or, if its command was killed, by the next one.
 #[derive(Debug)]
 pub struct Scratch {
     /// The folder.
     pub dir: PathBuf,
     begins: String,
-    /// While this is open nobody takes the folder for abandoned.
+    /// While this is open no command takes the folder for abandoned.
     _held: Option<File>,
 }
 
 impl Scratch {
-    /// Makes it under a folder, by a name with this beginning that nobody has, and removes there what killed commands left.
+    /// Makes it under a folder, with a new name that begins so, and removes what killed commands left there.
     pub fn under(place: &Path, begins: &str) -> Result<Scratch, StoreError> {
         remove_abandoned(place, begins);
         create_dir(place)?;
@@ -161,7 +161,7 @@ impl Scratch {
         }
     }
 
-    /// A hidden one beside a file or folder that is to be made in it first.
+    /// Makes a hidden one beside a file or folder that is to be made in it first.
     pub fn beside(path: &Path) -> Result<Scratch, StoreError> {
         let name = path.file_name().ok_or_else(|| StoreError::io("write", path, ErrorKind::IsADirectory.into()))?;
         Scratch::under(parent_of(path), &format!(".{}.", name.to_string_lossy()))
@@ -175,7 +175,7 @@ impl Drop for Scratch {
     }
 }
 
-/// A folder that only its owner can look into, where nothing was.
+/// Makes a new folder that only its owner can look into.
 fn private(dir: &Path) -> std::io::Result<()> {
     let mut builder = fs::DirBuilder::new();
     #[cfg(unix)]
@@ -183,8 +183,8 @@ fn private(dir: &Path) -> std::io::Result<()> {
     builder.create(dir)
 }
 
-/// Removes scratch folders of commands that were killed: those with our mark that nobody holds any more. What cannot be looked at,
-/// locked or removed stays.
+/// Removes scratch folders of commands that were killed: those with our mark that no command holds any more. A folder that cannot be
+/// looked at, locked or removed stays.
 fn remove_abandoned(place: &Path, begins: &str) {
     for entry in fs::read_dir(place).into_iter().flatten().flatten() {
         let dir = entry.path();
@@ -263,7 +263,7 @@ mod tests {
         symlink(at("theirs"), at("own/in")).unwrap();
         own.remove().unwrap();
         assert!(!at("own").exists() && at("theirs/log.bin").exists());
-        // Nobody else looks into a scratch folder, and no name that was laid before is taken for it.
+        // Nobody else looks into a scratch folder, and a name that somebody made before is not used for it.
         let taken = format!("s-{}-0", std::process::id());
         symlink(at("theirs"), at(&taken)).unwrap();
         let scratch = Scratch::under(home.path(), "s-").unwrap();

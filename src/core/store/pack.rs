@@ -4,7 +4,7 @@
 //! magic is `EVOBJCT1` for an object and `EVOMEMO1` for a memo entry (its last byte is the format's version); the check
 //! is the first 8 bytes of BLAKE3 of the 48 bytes before it, so that a damaged header can be distinguished from a
 //! damaged body. Records follow each other from byte 0 without gaps. The body of a memo entry is `kind (1: llm, 2:
-//! rollout) | request key (32) | object (32)`.
+//! rollout, 3: compile) | request key (32) | object (32)`.
 
 use std::{
     fs::File,
@@ -38,7 +38,7 @@ pub(super) struct Header {
     pub digest: Digest,
 }
 
-/// What stands at one place of the pack.
+/// One piece of the pack.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Piece {
     Object {
@@ -95,7 +95,7 @@ impl MemoEntry {
     }
 }
 
-/// The header in these bytes if its check holds.
+/// Returns the header in these bytes if its check holds.
 pub(super) fn read_header(bytes: &[u8; HEADER as usize]) -> Option<Header> {
     let (head, check) = bytes.split_at(48);
     if &Digest::of_bytes(head).as_bytes()[..8] != check {
@@ -178,7 +178,7 @@ fn damaged(at: u64, end: u64, digest: Option<Digest>, expected: &str) -> Piece {
     Piece::Damaged { at, end, digest, what: format!("expected {expected}, found other bytes up to offset {end}") }
 }
 
-/// Whether the file ends inside a header: the last bytes are the beginning of one, or only zeros (after a power cut).
+/// Returns `true` if the file ends inside a header: the last bytes are the beginning of one, or only zeros (after a power cut).
 fn is_cut_header(file: &File, at: u64, left: u64) -> std::io::Result<bool> {
     if left >= HEADER {
         return all_zero(file, at, left);
@@ -214,7 +214,7 @@ fn next_record(file: &File, from: u64, size: u64) -> std::io::Result<Option<u64>
     Ok(None)
 }
 
-/// As `read_header`, but without hashing where the magic is wrong.
+/// Reads a header as `read_header`, but without hashing where the magic is wrong.
 fn read_header_here(bytes: &[u8; HEADER as usize]) -> Option<Header> {
     if bytes.starts_with(OBJECT) || bytes.starts_with(MEMO) { read_header(bytes) } else { None }
 }
@@ -240,7 +240,7 @@ mod tests {
         for zeros in [1, 8, HEADER as usize - 1, HEADER as usize, CHUNK - 1, CHUNK, CHUNK + 1, 2 * CHUNK + 100] {
             let padded = [whole.clone(), vec![0; zeros]].concat();
             assert_eq!(scanned(&padded).last(), Some(&Piece::Torn { at }), "{zeros} zeros");
-            // Another byte at their end came from no power cut.
+            // Another byte at the end is not from a power cut.
             let other = [padded, vec![1]].concat();
             assert!(
                 matches!(scanned(&other).last(), Some(Piece::Damaged { at: place, .. }) if *place == at),

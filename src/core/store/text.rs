@@ -13,21 +13,21 @@ pub const ZSTD_MAGIC: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
 const LEVEL: i32 = 12;
 /// Most bytes, as a power of two, that the decompressor looks back on.
 const WINDOW_LOG_MAX: u32 = 25;
-/// What a compressed file may come to: so many bytes, and so many for each byte of it. Recorded answers come to 4 to 20 for one.
+/// Largest size of a compressed file's text: this many bytes, and more for each packed byte. Recorded answers come to 4 to 20 for one.
 pub const UNPACKED_FREE: u64 = 64 << 20;
-/// See `UNPACKED_FREE`.
+/// Further bytes of the text for each packed byte.
 pub const UNPACKED_PER_BYTE: u64 = 64;
 
 /// Why a text cannot be read on.
 #[derive(Debug)]
 pub enum TextFault {
-    /// The disk.
+    /// A fault of the disk.
     Store(StoreError),
-    /// What was expected, and what was found.
+    /// A damaged text: what was expected, and what was found.
     Wrong(String, String),
 }
 
-/// What a compressed file of so many bytes may come to.
+/// Returns the largest size of the text of a compressed file of `packed` bytes.
 pub fn unpacked_bytes_max(packed: u64) -> u64 {
     UNPACKED_FREE.saturating_add(packed.saturating_mul(UNPACKED_PER_BYTE))
 }
@@ -103,7 +103,7 @@ impl Read for Counted {
     }
 }
 
-/// A text that ends in an error where it is longer than it may be.
+/// A text that ends in an error where it is longer than allowed.
 struct Bounded {
     from: Box<dyn BufRead>,
     max_bytes: u64,
@@ -113,7 +113,7 @@ struct Bounded {
     read: std::rc::Rc<std::cell::Cell<u64>>,
 }
 
-/// The limit that a text goes beyond.
+/// The limit that a text exceeds.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct TooMuch(String);

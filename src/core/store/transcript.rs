@@ -1,7 +1,7 @@
 //! The transcript of a run: ordered events in a JSON-lines file, each holding the hash of the one before it. Its last
 //! hash is the root of the run. This module does not know what the events mean.
 //!
-//! One line an event, `{"body":...,"hash":"<64 hex>","kind":"...","prev":"<64 hex>","seq":N}`, keys of every object
+//! One line per event, `{"body":...,"hash":"<64 hex>","kind":"...","prev":"<64 hex>","seq":N}`, keys of every object
 //! sorted, no spaces, ended by one line feed. `hash` = BLAKE3 of the canonical bytes of `(seq, prev, kind, body)` under
 //! the domain `evodrive/transcript-event/1`; `prev` of event 0 is BLAKE3 of the text `evodrive/transcript/1`, so that
 //! the format's version is part of every hash. A line is damaged if it differs in any byte from the text that its event
@@ -34,11 +34,11 @@ const MAX_BODY_DEPTH: usize = 100;
 #[serde(deny_unknown_fields)]
 pub struct Event {
     // In the order of their names: this is the order in which they are printed.
-    /// What happened, as JSON.
+    /// Content of the event, as JSON.
     pub body: Value,
     /// Hash of the other four fields.
     pub hash: Digest,
-    /// What the body is, e.g. `attempt`.
+    /// Kind of the body, e.g. `attempt`.
     pub kind: String,
     /// Hash of the event before.
     pub prev: Digest,
@@ -53,9 +53,9 @@ pub struct Transcript {
     file: File,
     /// Hashes of the events that the file held when it was opened. The events themselves are on disk only.
     recorded: Vec<Digest>,
-    /// Whether the last of them is a seal.
+    /// True if the last of them is a seal.
     recorded_seal: bool,
-    /// How many events this run has produced, or has accepted as recorded.
+    /// Number of events that this run has produced, or has accepted as recorded.
     confirmed: usize,
     /// Hash of the last of them.
     head: Digest,
@@ -78,7 +78,7 @@ fn refused(kind: &str) -> impl Fn(CanonError) -> StoreError {
     move |source| StoreError::Unstorable { kind: kind.to_string(), source }
 }
 
-/// The line of an event, from the canonical bytes of `(seq, prev, kind, body)`: what `Event::line` prints.
+/// Returns the line of an event, from the canonical bytes of `(seq, prev, kind, body)`: what `Event::line` prints.
 fn line_of(hashed: &[u8], hash: Digest) -> Result<Vec<u8>, CanonError> {
     let (text, ends) = json_text::elements(hashed, MAX_BODY_DEPTH)?;
     let [seq, prev, kind, _] = ends[..] else { return Err(CanonError::Other("an event has four parts".into())) };
@@ -133,7 +133,7 @@ impl Transcript {
         Transcript::continue_on(path, None)
     }
 
-    /// The same with threads that check the recorded events.
+    /// Does the same with threads that check the recorded events.
     pub fn continue_on(path: &Path, threads: Option<&Threads>) -> Result<Transcript, StoreError> {
         let io = |source| StoreError::io("open", path, source);
         file::no_device(path)?;
@@ -148,12 +148,12 @@ impl Transcript {
         Ok(Transcript::at_start(path, file, hashes, sealed))
     }
 
-    /// The same for who compares a finished run with itself: nothing is written or mended, so the file may be one that cannot be
+    /// Opens a finished run's transcript to compare it with itself: nothing is written or mended, so the file may be one that cannot be
     /// written to.
     pub fn compare_on(path: &Path, threads: Option<&Threads>) -> Result<Transcript, StoreError> {
         file::no_device(path)?;
         let file = File::open(path).map_err(|source| StoreError::io("open", path, source))?;
-        // Where nobody can lock a file to look at it nobody writes to it, either.
+        // A file that nobody can lock to look at is written by nobody, either.
         if let Err(TryLockError::WouldBlock) = file.try_lock_shared() {
             return Err(StoreError::Locked { path: path.to_path_buf(), holder: "another process".into() });
         }
@@ -218,24 +218,24 @@ impl Transcript {
         self.head
     }
 
-    /// Whether the file held a sealed transcript when it was opened.
+    /// Returns `true` if the file held a sealed transcript when it was opened.
     pub fn is_recorded_whole(&self) -> bool {
         self.recorded_seal
     }
 
-    /// How many recorded events a continued run still has to reproduce.
+    /// Returns the number of recorded events that a continued run still has to reproduce.
     pub fn remaining(&self) -> usize {
         self.recorded.len().saturating_sub(self.confirmed)
     }
 }
 
-/// Hands the events of a transcript on one by one, without locking or repairing it: a long run's do not fit in memory
-/// together. Damage is an error, which comes behind the events ahead of it.
+/// Hands the events of a transcript on one by one, without locking or repairing it: those of a long run do not fit in memory
+/// together. Damage is an error, which comes after the events before it.
 pub fn each_event(path: &Path, each: &mut dyn FnMut(Event)) -> Result<(), StoreError> {
     each_event_on(path, None, each)
 }
 
-/// The same with threads that check the events; they are handed on in their order.
+/// Does the same with threads that check the events; they are handed on in their order.
 pub fn each_event_on(path: &Path, threads: Option<&Threads>, each: &mut dyn FnMut(Event)) -> Result<(), StoreError> {
     walk(path, threads, each)?.damage.map_or(Ok(()), |damage| Err(StoreError::corrupt(damage)))
 }
@@ -252,7 +252,7 @@ pub fn fsck_transcript(path: &Path) -> Result<Vec<Damage>, StoreError> {
     Ok(walk(path, None, &mut |_| ())?.damage.into_iter().collect())
 }
 
-/// A transcript without damage: what a walk through it found, and the hashes of its events.
+/// Walks through a transcript without damage; returns the findings of the walk and the hashes of the events.
 fn whole(path: &Path, threads: Option<&Threads>) -> Result<(Walked, Vec<Digest>), StoreError> {
     let mut hashes = Vec::new();
     let mut walked = walk(path, threads, &mut |event| hashes.push(event.hash))?;
@@ -274,7 +274,7 @@ fn event_at(path: &Path, seq: u64) -> Result<Event, StoreError> {
     difference.ok_or_else(|| StoreError::corrupt(Damage::at(path, format!("line {}", seq + 1), gone())))
 }
 
-/// What a walk through a transcript found besides its events.
+/// Findings of a walk through a transcript, besides its events.
 struct Walked {
     /// Length of the file up to the end of the last whole event.
     whole_bytes: u64,
@@ -285,7 +285,7 @@ struct Walked {
     sealed: bool,
 }
 
-/// Where the next event has to go on.
+/// Place at which the next event has to go on.
 #[derive(Clone, Copy)]
 struct Place {
     seq: u64,
@@ -321,7 +321,7 @@ fn walk(path: &Path, threads: Option<&Threads>, each: &mut dyn FnMut(Event)) -> 
         };
         for (line, read) in batch.iter().zip(alone) {
             let place = || format!("line {}", next.seq + 1);
-            // The chain alone does not protect the seal: whoever can write the file can continue the chain behind it.
+            // The chain alone does not protect the seal: anyone who can write the file can continue the chain behind it.
             if walked.sealed {
                 let behind = length - walked.whole_bytes;
                 let what = format!("expected nothing behind the seal, found {behind} bytes; cut them off");
@@ -346,7 +346,7 @@ fn walk(path: &Path, threads: Option<&Threads>, each: &mut dyn FnMut(Event)) -> 
     }
 }
 
-/// What stands on a line. A power cut can leave zeros where the end of the last line had not reached the disk.
+/// Returns the text of a line. A power cut can leave zeros where the end of the last line had not reached the disk.
 fn text(line: &Line) -> &[u8] {
     if line.ended { &line.bytes } else { without_zeros_at_the_end(&line.bytes) }
 }
@@ -371,12 +371,12 @@ impl BadLine {
     }
 }
 
-/// A line that was read without knowing those ahead of it: its event, and what follows from place, kind and body that it
-/// says it has.
+/// A line that was read without knowing those ahead of it: its event, and what follows from the place, kind and body that it
+/// claims.
 struct Alone {
     event: Event,
     hash: Result<Digest, BadLine>,
-    /// Whether it is spelled as this event is printed.
+    /// True if the line is spelled as this event is printed.
     as_printed: bool,
 }
 
@@ -387,7 +387,7 @@ fn read_alone(line: &[u8]) -> Result<Alone, BadLine> {
     let event: Event = serde_json::from_slice(line).map_err(|error| {
         if error.is_eof() { BadLine::CutOff } else { BadLine::Other(format!("expected an event, found: {error}")) }
     })?;
-    // Encoded once for both questions: most of what reading costs.
+    // Encoded once for hash and text: this is most of the cost of reading.
     let hashed = canonical_json_bytes(&(event.seq, event.prev, &event.kind, &event.body));
     let (hash, as_printed) = match hashed {
         Ok(hashed) => {
@@ -401,7 +401,7 @@ fn read_alone(line: &[u8]) -> Result<Alone, BadLine> {
 }
 
 impl Alone {
-    /// The event, if it is the one that has to stand here.
+    /// Returns the event, if it is the one that has to stand here.
     fn behind(self, Place { seq, prev }: Place) -> Result<Event, BadLine> {
         let Alone { event, hash, as_printed } = self;
         let differs = |field: &str, expected: &dyn std::fmt::Display, found: &dyn std::fmt::Display| {

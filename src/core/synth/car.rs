@@ -1,4 +1,4 @@
-//! A driver on the road: where on its lanes it is, what it may enter, and the pose that this gives.
+//! A driver on the road: its place on its lanes, the connectors that it may enter, and the resulting pose.
 
 use super::driver::Driver;
 use super::network::Network;
@@ -6,7 +6,7 @@ use super::variation::{Pedals, Weave};
 use crate::kernel::{Stream, num};
 use crate::scene::{LaneIx, Sample};
 
-/// How far ahead drivers look, metres of lane.
+/// Distance that drivers look ahead, metres of lane.
 pub(super) const SIGHT_M: f64 = 140.0;
 
 /// Permission to use a connector.
@@ -30,7 +30,7 @@ pub(super) struct Shift {
 }
 
 impl Shift {
-    /// Offset, its slope by distance, and the share that is done.
+    /// Returns the offset, its slope by distance, and the share that is done.
     pub fn at(&self, odo: f64) -> (f64, f64, f64) {
         let t = ((odo - self.start_odo) / self.length_m).clamp(0.0, 1.0);
         let done = t * t * t * (10.0 + t * (-15.0 + 6.0 * t));
@@ -46,7 +46,7 @@ pub(super) struct Car {
     pub driver: Driver,
     /// Lanes from the current one on.
     pub path: Vec<LaneIx>,
-    /// Of the centre along `path[0]`.
+    /// Arc length of the centre along `path[0]`.
     pub s: f64,
     pub speed: f64,
     pub acceleration: f64,
@@ -56,7 +56,7 @@ pub(super) struct Car {
     pub pedals: Option<Pedals>,
     pub weave: Option<Weave>,
     pub passes: Vec<Pass>,
-    /// Has stood at the stop sign of this lane.
+    /// Lane at whose stop sign the car has stood.
     pub stood_at: Option<LaneIx>,
     pub change_after: f64,
     pub choice: Stream,
@@ -98,14 +98,14 @@ impl Car {
         });
     }
 
-    /// A car after a lane change has a new way ahead.
+    /// Gives a car a new way ahead after a lane change.
     pub fn reroute(&mut self, net: &Network, lane: LaneIx) {
         self.path.clear();
         self.path.push(lane);
         self.extend(net);
     }
 
-    /// Metres beside the lane's centre, to the left, and their slope by distance, but for a lane change.
+    /// Returns metres beside the lane's centre, to the left, and their slope by distance, without the part of a lane change.
     pub fn aside(&self) -> (f64, f64) {
         let (weave_m, slope) = self.weave.map_or((0.0, 0.0), |weave| weave.at(self.odo));
         (self.driver.bias_m + weave_m, slope)

@@ -23,7 +23,7 @@ pub(super) struct Curve {
 
 /// Largest distance of two vertices on a bend, metres.
 const BEND_SPACING_M: f64 = 1.0;
-/// The same where the curve is straight.
+/// Largest distance of two vertices where the curve is straight, metres.
 const STRAIGHT_SPACING_M: f64 = 10.0;
 
 impl Curve {
@@ -88,7 +88,7 @@ impl Curve {
         Curve::new(points, headings)
     }
 
-    /// The same curve moved sideways, positive to the left; vertices stay abreast of each other.
+    /// Returns the curve moved sideways, positive to the left; vertices stay abreast of each other.
     pub fn offset(&self, left_m: f64) -> Curve {
         let points = self.line(left_m);
         Curve::new(points, self.headings.clone())

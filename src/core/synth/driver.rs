@@ -4,7 +4,7 @@
 use super::variation::Variation;
 use crate::kernel::{Stream, num};
 
-/// What kind of vehicle a driver has.
+/// Kind of a driver's vehicle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Body {
     Car,
@@ -70,7 +70,7 @@ impl Driver {
         }
     }
 
-    /// Makes the driver one of a scene whose drivers differ from their models; a motorist's place is at most so far beside the lane's centre.
+    /// Makes the driver differ from its model; a motorist's place is at most `aside_m_max` beside the lane's centre.
     pub fn differ(&mut self, unlike: &Variation<f64>, aside_m_max: f64, draw: &mut Stream) {
         self.haste = draw.normal(1.0, unlike.haste).clamp(0.4, 1.4);
         self.acceleration_mps2 *= unlike.pace;

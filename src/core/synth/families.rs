@@ -1,4 +1,4 @@
-//! Scenes of SafeBench's eight traffic families on generated roads: ten routes a family, whose measures are drawn
+//! Scenes of SafeBench's eight traffic families on generated roads: ten routes per family, whose measures are drawn
 //! within the ranges measured on the benchmark's own routes (number 4 to 13, Town01 to Town05). They replace the
 //! benchmark's routes if CARLA's towns are not available; only the ranges are taken from them.
 
@@ -19,7 +19,7 @@ const DRAWS_MAX: u32 = 100;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FamilyOptions {
-    /// In the order of the pool.
+    /// Families, in the order of the pool.
     pub families: Vec<TrafficFamily>,
     /// Route numbers, 4 to 13 for the ten that SafeBench evaluates.
     pub routes: Vec<u32>,
@@ -89,7 +89,7 @@ pub fn family_scene(family: TrafficFamily, route: u32, seed: Seed) -> Scene {
     plan.scene(family, route, seed)
 }
 
-/// A site with what happens where.
+/// A site with the places of its events.
 struct Plan {
     site: Site,
     length_m: f64,
@@ -258,7 +258,7 @@ fn ahead_of(site: &Site, trigger_m: f64, lane: usize, fwd_m: f64) -> Option<Pose
     on_lane(site, trigger_m, lane, |local| local.x - fwd_m)
 }
 
-/// Where a straight lane meets the zero of a linear function of the trigger's frame.
+/// Returns the pose where a straight lane meets the zero of a linear function of the trigger's frame.
 fn on_lane(site: &Site, trigger_m: f64, lane: usize, value: impl Fn(Vec2) -> f64) -> Option<Pose> {
     let (position, heading_rad) = site.on_way(trigger_m);
     let trigger = Pose { position, heading_rad };

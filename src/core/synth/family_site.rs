@@ -7,7 +7,7 @@ use super::network::{Network, Profile, RoadLanes};
 use crate::kernel::{Vec2, num};
 use crate::scene::{LaneIx, LaneKind};
 
-/// Road before the ego's start, after its goal and on each arm of a crossing, metres. Who drives straight on at 20 m/s
+/// Road before the ego's start, after its goal and on each arm of a crossing, metres. A car that drives straight on at 20 m/s
 /// from the ego's trigger to the end of a run does not reach their ends.
 const BEFORE_M: f64 = 400.0;
 const AFTER_M: f64 = 600.0;
@@ -16,7 +16,7 @@ const ARM_M: f64 = 300.0;
 const STOP_SETBACK_M: f64 = 1.5;
 /// Speed limit in CARLA's towns: 25 mph.
 const LIMIT_MPS: f64 = 11.1;
-/// Points of a route, metres apart.
+/// Distance between points of a route, metres.
 const ROUTE_SPACING_M: f64 = 1.0;
 
 /// A road with the ego's way over it.
@@ -24,7 +24,7 @@ pub(super) struct Site {
     pub net: Network,
     /// Lanes of the route, one after the other.
     lanes: Vec<LaneIx>,
-    /// Where the route starts on the first of them, metres.
+    /// Start of the route on the first of them, metres.
     start_s_m: f64,
     /// Inbound lanes of the arms, the ego's own arm first, then counter-clockwise as the ego sees it: from the right,
     /// oncoming, from the left. Empty without a junction.
@@ -34,7 +34,7 @@ pub(super) struct Site {
 /// A bend of the ego's road before its trigger.
 #[derive(Clone, Copy)]
 pub(super) struct Bend {
-    /// Positive to the left, radians.
+    /// Angle of the bend, positive to the left, radians.
     pub turn_rad: f64,
     pub straight_before_m: f64,
     pub length_m: f64,
@@ -47,11 +47,11 @@ pub(super) struct Crossing {
     pub own_lanes: usize,
     pub cross_lanes: usize,
     pub lane_width_m: f64,
-    /// From the centre to the ends of the arms, metres.
+    /// Distance from the centre to the ends of the arms, metres.
     pub reach_m: f64,
-    /// From the ego's start to the centre along its road, metres.
+    /// Distance from the ego's start to the centre along its road, metres.
     pub start_to_centre_m: f64,
-    /// Which arm the ego leaves by: 1 right, 2 ahead, 3 left.
+    /// Arm by which the ego leaves: 1 right, 2 ahead, 3 left.
     pub exit: usize,
     /// Directions of the right and of the left arm against the ego's, radians: about -pi/2 and pi/2.
     pub right_rad: f64,
@@ -133,7 +133,7 @@ impl Site {
         Site { net, lanes, start_s_m, inbound }
     }
 
-    /// The ego's route of some length.
+    /// Returns the ego's route of this length.
     pub fn route(&self, length_m: f64) -> Vec<Vec2> {
         let count = (length_m / ROUTE_SPACING_M).ceil().max(1.0) as usize;
         (0..=count).map(|k| self.on_way(length_m * k as f64 / count as f64).0).collect()

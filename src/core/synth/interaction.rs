@@ -4,9 +4,9 @@ use super::options::{Reject, SynthOptions};
 use crate::kernel::{OrientedBox, num};
 use crate::scene::{AgentKind, DT_S, Sample, Track};
 
-/// How many candidates for the ego are looked at.
+/// Number of candidates for the ego that are tried.
 const CANDIDATES: usize = 48;
-/// Samples are compared every this many.
+/// Step between the samples that are compared.
 const STRIDE: usize = 3;
 /// Two paths use the same place if their centres come this close, metres.
 const SAME_PLACE_M: f64 = 2.5;
@@ -54,7 +54,7 @@ fn travel_m(track: &Track) -> f64 {
     num::sum(seen.windows(2).map(|pair| pair[0].position.distance(pair[1].position)))
 }
 
-/// Seen over the whole scene, a motor vehicle, and it moves.
+/// Returns `true` for a motor vehicle that is seen over the whole scene and moves.
 fn may_be_ego(track: &Track, options: &SynthOptions) -> bool {
     track.kind == AgentKind::Vehicle
         && track.length_m < 7.0
@@ -62,7 +62,7 @@ fn may_be_ego(track: &Track, options: &SynthOptions) -> bool {
         && travel_m(track) >= options.ego_travel_m_min
 }
 
-/// A motor vehicle that is there now and for most of the future, and that moves.
+/// Returns `true` for a motor vehicle that is there now and for most of the future, and that moves.
 fn may_interact(track: &Track, options: &SynthOptions) -> bool {
     let future = &track.samples[options.current_step..];
     let seen = future.iter().flatten().count();
@@ -72,7 +72,7 @@ fn may_interact(track: &Track, options: &SynthOptions) -> bool {
         && travel_m(track) >= 0.5 * options.ego_travel_m_min
 }
 
-/// How closely two tracks interact after now; lower is closer, `None` not at all.
+/// Returns how closely two tracks interact after now; lower is closer, `None` not at all.
 fn interaction(ego: &Track, other: &Track, options: &SynthOptions) -> Option<f64> {
     let future = |track: &Track| -> Vec<(usize, Sample)> {
         let seen = track.samples.iter().enumerate().skip(options.current_step).step_by(STRIDE);
@@ -98,7 +98,7 @@ fn interaction(ego: &Track, other: &Track, options: &SynthOptions) -> Option<f64
     best.filter(|_| gap_m_min(ego, other, options) <= options.interaction_gap_m_max)
 }
 
-/// Whether the two were on different ways at the start: not in one lane behind each other.
+/// Returns `true` if the two were on different ways at the start: not in one lane behind each other.
 fn came_from_elsewhere(ego: &Track, other: &Track, options: &SynthOptions) -> bool {
     let (Some(a), Some(b)) = (ego.at(options.current_step), other.at(options.current_step)) else { return false };
     let ahead = crate::kernel::Pose { position: a.position, heading_rad: a.heading_rad }.to_local(b.position);

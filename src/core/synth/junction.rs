@@ -6,7 +6,7 @@ use super::node::{Connector, Signal};
 use crate::kernel::{Vec2, num};
 use crate::scene::{LaneIx, LaneKind};
 
-/// Who goes first.
+/// Rule of who goes first.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Control {
     Signals(Signal),
@@ -24,7 +24,7 @@ pub(super) struct Arm {
     pub inbound: Vec<LaneIx>,
     pub outbound: Vec<LaneIx>,
     pub profile: Profile,
-    /// Of the main road: signal group 0, priority.
+    /// True for the main road: signal group 0, priority.
     pub major: bool,
 }
 
@@ -54,7 +54,7 @@ impl Arm {
         }
     }
 
-    /// Where the curb on the inbound side (+1) or the outbound side (-1) meets the junction.
+    /// Returns the point where the curb on the inbound side (+1) or the outbound side (-1) meets the junction.
     fn curb(&self, side: f64) -> Vec2 {
         let lanes = if side > 0.0 { self.inbound.len() } else { self.outbound.len() };
         let half = 0.5 * self.profile.median_m + lanes as f64 * self.profile.lane_width_m;

@@ -88,7 +88,7 @@ impl Traffic<'_> {
         Some(after - before - car.driver.politeness * loss)
     }
 
-    /// The next one behind a place in a lane or in what leads into it, and the gap to the car's rear.
+    /// Returns the next car behind a place in a lane or in those that lead into it, and the gap to the car's rear.
     fn follower(&self, i: usize, lane: LaneIx, s: f64) -> Option<(usize, f64)> {
         let half = self.cars[i].half();
         let list = &self.lanes[lane];

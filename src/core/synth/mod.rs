@@ -38,7 +38,7 @@ use record::Log;
 use road::road;
 use traffic::{Traffic, stream};
 
-/// The scene `synth/<kind>/<seed>/<index>`.
+/// Generates the scene `synth/<kind>/<seed>/<index>`.
 ///
 /// Sub-seeds are tried until one passes the filter of [`SynthOptions`]: the ego travels far enough and another vehicle
 /// interacts with it; that vehicle becomes the scene's object of interest. A light belongs to the lane that ends at it.
@@ -71,7 +71,7 @@ pub fn generate(kind: WorldKind, seed: Seed, index: u32, options: &SynthOptions)
     Err(SynthError::Filtered { id, attempts: options.attempts_max, last })
 }
 
-/// `count` scenes, the kinds of the options in turn; scene `i` has index `i / number of kinds`.
+/// Generates `count` scenes, the kinds of the options in turn; scene `i` has index `i / number of kinds`.
 ///
 /// Scenes are independent of each other, so a caller may as well map [`generate`] over its own threads; see
 /// [`pool_member`].
@@ -79,7 +79,7 @@ pub fn pool(options: &SynthOptions, seed: Seed, count: usize) -> Result<Vec<Scen
     (0..count).map(|i| pool_member(options, seed, i)).collect()
 }
 
-/// The scene at place `i` of a pool.
+/// Generates the scene at place `i` of a pool.
 pub fn pool_member(options: &SynthOptions, seed: Seed, i: usize) -> Result<Scene, SynthError> {
     options.check()?;
     let (turn, place) = (i / options.kinds.len(), i % options.kinds.len());

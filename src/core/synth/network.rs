@@ -1,11 +1,11 @@
-//! The road of a generated world: lanes along curves, topology, and who must stop where.
+//! The road of a generated world: lanes along curves, topology, and stopping rules.
 
 use super::curve::Curve;
 use super::node::{Node, Signal};
 use crate::kernel::Vec2;
 use crate::scene::{LaneIx, LaneKind};
 
-/// What happens at the end of a lane.
+/// Kind of a lane's end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LaneEnd {
     /// Traffic goes on into an exit, or leaves the world if there is none.
@@ -21,14 +21,14 @@ pub(super) struct Gate {
     pub stop_s: f64,
 }
 
-/// Where a crosswalk lies over a lane.
+/// Place where a crosswalk lies over a lane.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Crossing {
     pub crosswalk: usize,
-    /// Along the lane.
+    /// Begin, along the lane.
     pub from_s: f64,
     pub to_s: f64,
-    /// Along the crosswalk: where the lane's far side is seen from its start, and from its end.
+    /// Places along the crosswalk at which the lane's far side lies as seen from its start, and from its end.
     pub from_c: f64,
     pub to_c: f64,
 }
@@ -41,7 +41,7 @@ pub(super) struct SynthLane {
     pub limit_mps: f64,
     pub entries: Vec<LaneIx>,
     pub exits: Vec<LaneIx>,
-    /// Neighbour and whether it runs the same way.
+    /// Neighbour, and true if it runs the same way.
     pub left: Option<(LaneIx, bool)>,
     pub right: Option<(LaneIx, bool)>,
     pub end: LaneEnd,
@@ -79,17 +79,17 @@ pub(super) struct Network {
     pub crosswalks: Vec<Crosswalk>,
 }
 
-/// How a road looks in cross section.
+/// Cross section of a road.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Profile {
     pub forward: usize,
     pub backward: usize,
     pub lane_width_m: f64,
-    /// Between the two directions; a curb stands on both sides of one that is wider than 0.
+    /// Width between the two directions, metres; a curb stands on both sides of one that is wider than 0.
     pub median_m: f64,
     pub limit_mps: f64,
     pub kind: LaneKind,
-    /// Whether the outer curbs are drawn; a caller may draw its own.
+    /// True if the outer curbs are drawn; a caller may draw its own.
     pub edges: bool,
 }
 

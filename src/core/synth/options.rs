@@ -66,7 +66,7 @@ impl WorldKind {
         }
     }
 
-    /// Roads for motor vehicles only: no pedestrians, no cyclists, long lorries.
+    /// Returns `true` for roads for motor vehicles only: no pedestrians, no cyclists, long lorries.
     pub(super) fn motorway(self) -> bool {
         matches!(self, WorldKind::Merge | WorldKind::LaneDrop | WorldKind::Highway)
     }
@@ -92,16 +92,16 @@ pub struct SynthOptions {
     pub cyclist_share: f64,
     /// Metres that the ego must travel over the scene; 10 in CAT's selection of scenes.
     pub ego_travel_m_min: f64,
-    /// Seconds between the ego and the interacting vehicle using the same place, at most.
+    /// Most seconds between the ego and the interacting vehicle using the same place.
     pub interaction_time_s_max: f64,
-    /// Distance between the two boxes at their nearest, metres, at most.
+    /// Largest distance between the two boxes at their nearest, metres.
     pub interaction_gap_m_max: f64,
     /// Share of scenes, 0..=1, in which a vehicle that leads or follows in the ego's own lane may be the interacting
     /// one; the others look for one that crosses, merges or cuts in during the first half of the attempts.
     pub following_share: f64,
     /// Sub-seeds to try before giving up, 1..=1000.
     pub attempts_max: u32,
-    /// What varies from scene to scene; `tracks_per_scene` is then unused. Absent: nothing does.
+    /// Ranges of what varies from scene to scene; `tracks_per_scene` is then unused. Absent: nothing varies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub traffic: Option<Box<TrafficOptions>>,
 }
@@ -116,7 +116,7 @@ pub enum SynthError {
         field: &'static str,
         /// Its value.
         found: String,
-        /// What it may be.
+        /// Values that it may have.
         expected: &'static str,
     },
     /// No simulated scene passed the filter.
@@ -127,7 +127,7 @@ pub enum SynthError {
     Filtered {
         /// Id of the scene that was wanted.
         id: String,
-        /// How often it was tried.
+        /// Number of attempts.
         attempts: u32,
         /// Why the last one was not taken.
         last: Reject,
@@ -143,10 +143,10 @@ pub enum Reject {
     /// An acceleration or a yaw rate is out of bounds.
     #[error("the log is not consistent: an acceleration or yaw rate is out of bounds")]
     Motion,
-    /// Nobody could be the ego.
+    /// No road user could be the ego.
     #[error("no vehicle stayed in the scene and moved far enough to be the ego")]
     NoEgo,
-    /// Nobody interacted with the ego.
+    /// No road user interacted with the ego.
     #[error("nobody interacted with the ego")]
     NoInteraction,
 }
@@ -201,7 +201,7 @@ impl SynthOptions {
         }
     }
 
-    /// The traffic of one scene; nothing where it does not vary.
+    /// Returns the traffic of one scene; `None` where it does not vary.
     pub(super) fn variation(&self, kind: WorldKind, seed: Seed, index: u32) -> Option<Variation<f64>> {
         self.traffic.as_deref().map(|traffic| traffic.drawn(seed, kind.name(), index))
     }

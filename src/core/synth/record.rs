@@ -35,7 +35,7 @@ pub(super) fn record(traffic: &mut Traffic, options: &SynthOptions) -> Log {
     Log { tracks: tracks.into_values().collect(), lights }
 }
 
-/// Drops those who left before the recording began; nobody refers to them any more.
+/// Drops road users that left before the recording began; nothing refers to them any more.
 fn forget(traffic: &mut Traffic) {
     if traffic.cars.iter().any(|car| car.gone) {
         traffic.cars.retain(|car| !car.gone);
@@ -59,7 +59,7 @@ fn observe(traffic: &Traffic, step: usize, steps: usize, tracks: &mut BTreeMap<(
     }
 }
 
-/// Without negative zeros.
+/// Returns the sample without negative zeros.
 fn stored(sample: Sample) -> Sample {
     let plain = |x: f64| num::stored(x).unwrap_or(0.0);
     let vector = |v: crate::kernel::Vec2| crate::kernel::Vec2::new(plain(v.x), plain(v.y));
@@ -70,8 +70,8 @@ fn stored(sample: Sample) -> Sample {
     }
 }
 
-/// Keeps of everybody but the pair what lies between the first and the last step at which they are within range of the ego, as a
-/// recording car would; who never is has no track.
+/// Keeps, of each road user but the pair, the part between the first and the last step at which it is within range of the ego, as a
+/// recording car would; a road user that never is within range has no track.
 pub(super) fn within(log: &mut Log, pair: Pair, range_m: f64) -> Pair {
     let ego = log.tracks[pair.ego].clone();
     for (_, track) in log.tracks.iter_mut().enumerate().filter(|(at, _)| *at != pair.ego && *at != pair.other) {
@@ -90,12 +90,12 @@ pub(super) fn within(log: &mut Log, pair: Pair, range_m: f64) -> Pair {
 
 /// Accelerations beyond these do not come from a driver, m/s².
 pub(super) const ACCELERATION_MPS2: (f64, f64) = (-7.5, 3.5);
-/// Nobody turns faster than this while driving, rad/s.
+/// No road user turns faster than this while driving, rad/s.
 pub(super) const YAW_RATE_RADPS_MAX: f64 = 1.0;
-/// Nobody is thrown sideways more than this, m/s²; asked where traffic varies, since the first version never did.
+/// Largest lateral acceleration, m/s². Checked only where traffic varies, since the first version never checked it.
 const SIDEWAYS_MPS2_MAX: f64 = 5.0;
 
-/// Whether the log could have happened: no two boxes overlap, no motion is out of bounds.
+/// Checks that the log could have happened: no two boxes overlap, no motion is out of bounds.
 pub(super) fn consistent(log: &Log, options: &SynthOptions) -> Result<(), Reject> {
     let sideways_mps2_max = if options.traffic.is_some() { SIDEWAYS_MPS2_MAX } else { f64::INFINITY };
     if log.tracks.iter().any(|track| !plausible(track, sideways_mps2_max)) {
@@ -119,7 +119,7 @@ fn plausible(track: &Track, sideways_mps2_max: f64) -> bool {
     })
 }
 
-/// Two road users, one of them on wheels, whose boxes overlap at a step.
+/// Returns two road users, one of them on wheels, whose boxes overlap at a step.
 pub(super) fn overlap_at(tracks: &[Track], step: usize) -> Option<(usize, usize)> {
     let mut present: Vec<(f64, usize, OrientedBox)> = Vec::new();
     for (i, track) in tracks.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Right of way: who may enter a node (lights, stop signs, gap acceptance), and who waits inside it for another car.
+//! Right of way: which cars may enter a node (lights, stop signs, gap acceptance), and which wait inside it for another car.
 //!
 //! A node permits drivers to enter one after another. Where two paths are in conflict, the later driver waits before
 //! the conflict zone until the earlier one has left it. So no two drivers with permission can collide.
@@ -8,7 +8,7 @@ use super::node::{Connector, Meeting};
 use super::traffic::Traffic;
 use crate::scene::{LaneIx, LightState};
 
-/// Distance from the front to the stop line ahead, the lane it closes, and where the connector starts.
+/// Distance from the front to the stop line ahead, the lane that it closes, and the start of the connector.
 struct Ahead {
     lane: LaneIx,
     stop_m: f64,
@@ -106,7 +106,7 @@ impl Traffic<'_> {
         }
     }
 
-    /// Whether no car without permission stands between the car and the line.
+    /// Returns `true` if no car without permission stands between the car and the line.
     fn first_in_lane(&self, i: usize, ahead: &Ahead) -> bool {
         let car = &self.cars[i];
         let s = if car.lane() == ahead.lane { car.s } else { f64::NEG_INFINITY };
@@ -116,7 +116,7 @@ impl Traffic<'_> {
         })
     }
 
-    /// The last one in the lane behind the node leaves room for the car.
+    /// Returns `true` if the last car in the lane behind the node leaves room for the car.
     fn exit_is_free(&self, i: usize, ahead: &Ahead) -> bool {
         let connector = self.net.nodes[ahead.node].connectors[ahead.connector].lane;
         let Some(&exit) = self.net.lanes[connector].exits.first() else { return true };
@@ -151,7 +151,7 @@ impl Traffic<'_> {
         })
     }
 
-    /// Whether all with leave for connector `k` satisfy `fine(car, place along the connector)`.
+    /// Returns `true` if all cars with permission for connector `k` satisfy `fine(car, place along the connector)`.
     fn inside(&self, node: usize, k: usize, fine: impl Fn(&Car, f64) -> bool) -> bool {
         let lane = self.net.nodes[node].connectors[k].lane;
         let origin = self.net.nodes[node].connectors[k].origin;
@@ -164,7 +164,7 @@ impl Traffic<'_> {
         })
     }
 
-    /// No car that goes first and may go gets to `from_s` of its connector before `time_s`.
+    /// Returns `true` if no car that goes first and may go gets to `from_s` of its connector before `time_s`.
     fn none_arrives(&self, node: usize, other: &Connector, from_s: f64, time_s: f64) -> bool {
         if let Some(signal) = &self.net.nodes[node].signal
             && signal.state(other.group, self.time_s).0 == LightState::Stop
@@ -180,7 +180,7 @@ impl Traffic<'_> {
         })
     }
 
-    /// Metres to where the car must stop for a gate or for somebody who goes first inside a node.
+    /// Returns the metres to where the car must stop for a gate or for a car that goes first inside a node.
     pub(super) fn node_halt_m(&self, i: usize) -> Option<f64> {
         let car = &self.cars[i];
         let mut nearest: Option<f64> = None;

@@ -1,4 +1,4 @@
-//! Whole scenes: what every generated log must keep.
+//! Tests of whole scenes: properties that every generated log must have.
 
 use super::*;
 use crate::kernel::{Digest, OrientedBox, Pose, num};
@@ -31,7 +31,7 @@ fn plain_scenes() -> Vec<Scene> {
     pool(&options(), Seed(11), 33).unwrap()
 }
 
-/// Of either version.
+/// Scenes of either version.
 fn few_scenes() -> Vec<Scene> {
     plain_scenes().into_iter().chain(pool(&varied(), Seed(11), 33).unwrap()).collect()
 }
@@ -99,7 +99,7 @@ fn nobody_speeds_up_brakes_jerks_or_turns_beyond_what_a_driver_can() {
                 assert!(sideways.abs() <= 5.0, "{place}: {sideways} m/s2 sideways");
                 if let Some(before) = last {
                     let jerk = (acceleration - before) / DT_S;
-                    // Coming to a stand ends a braking at once: that is what stops feel like.
+                    // Coming to a stand ends the braking at once, as stops do.
                     assert!(jerk.abs() <= 25.0 || b.speed_mps() < 1.0, "{place}: {jerk} m/s3");
                 }
                 last = Some(acceleration);
@@ -301,8 +301,8 @@ fn varied_traffic_varies_in_number_and_reach_and_drivers_leave_the_middle_of_the
     assert!((0.15..0.8).contains(&mean), "{mean} m beside the middle of lanes, on average");
 }
 
-/// A bound of traffic: its name, a kind of world that shows it, how it is set, a value that gives less of something and one that gives more,
-/// and how much of it there is.
+/// A bound of traffic: its name, a kind of world that shows it, its setter, a value for less of its effect and one for more,
+/// and the measure of the effect.
 type Knob = (&'static str, WorldKind, fn(&mut TrafficOptions, [f64; 2]), [f64; 2], fn(&[Scene]) -> f64);
 
 const KNOBS: [Knob; 11] = [
@@ -334,7 +334,7 @@ const KNOBS: [Knob; 11] = [
         |of, both| (of.haste, of.room) = (both, [3.0; 2]),
         [0.0, 0.3],
         |scenes| {
-            // Limits are others in other scenes.
+            // Limits differ from scene to scene.
             mean(scenes.iter().map(|scene| {
                 let middle = mean(speeds(std::slice::from_ref(scene)));
                 mean(speeds(std::slice::from_ref(scene)).map(|speed| (speed - middle).abs()))
@@ -359,7 +359,7 @@ fn tracks(scenes: &[Scene]) -> f64 {
     mean(scenes.iter().map(|scene| scene.tracks.len() as f64))
 }
 
-/// How far ahead of each road user the next one in its strip is, where one is within 80 m.
+/// Returns the mean distance from each road user to the next one ahead in its strip, where one is within 80 m.
 fn next_ahead_m(scenes: &[Scene]) -> f64 {
     mean(scenes.iter().flat_map(|scene| {
         let now: Vec<&Sample> = everyone(scene).filter_map(|track| track.at(scene.current_step)).collect();
@@ -389,7 +389,7 @@ fn speeds(scenes: &[Scene]) -> impl Iterator<Item = f64> {
     vehicles(scenes).map(|(_, samples)| mean(samples.iter().map(|sample| sample.speed_mps())))
 }
 
-/// Of each vehicle how its speed changes step by step, m/s.
+/// Returns, for each vehicle, the changes of its speed step by step, m/s.
 fn gains(scenes: &[Scene]) -> impl Iterator<Item = Vec<f64>> {
     let gain = |pair: &[&Sample]| pair[1].speed_mps() - pair[0].speed_mps();
     vehicles(scenes).map(move |(_, samples)| samples.windows(2).map(gain).collect())

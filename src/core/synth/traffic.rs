@@ -89,7 +89,7 @@ impl<'a> Traffic<'a> {
         let (mut pedals, mut weave) = (None, None);
         if let Some(variation) = self.variation {
             let mut own = stream(self.seed, &self.path, &format!("driver {number}, own ways"));
-            // Who keeps to a lane stays within it, so that two abreast pass each other.
+            // A car that keeps to a lane stays within it, so that two abreast pass each other.
             let of = &self.net.lanes[lane];
             let spare_m = (0.5 * (of.width_m - driver.width_m) - 0.1).max(0.0);
             driver.differ(&variation, 0.5 * spare_m, &mut own);
@@ -116,7 +116,7 @@ impl<'a> Traffic<'a> {
         }
     }
 
-    /// What the metres between road users are multiplied by.
+    /// Returns the factor of the metres between road users.
     fn room(&self) -> f64 {
         self.variation.map_or(1.0, |of| of.room)
     }
@@ -271,7 +271,7 @@ impl<'a> Traffic<'a> {
         let car = &mut self.cars[i];
         // Pedals move at a limited rate, faster in an emergency.
         let down = if wanted < -2.0 { 1.3 } else { 0.6 };
-        // Who brakes hard or stands has other cares than an even speed.
+        // A driver who brakes hard or stands does not keep an even speed.
         let added = car.pedals.as_mut().map_or(0.0, Pedals::step);
         let steady = car.pedals.is_none() || wanted < -2.0 || car.speed < 0.5;
         let wanted = if steady { wanted } else { (wanted + added).clamp(-5.0, 3.3) };
@@ -300,7 +300,7 @@ impl<'a> Traffic<'a> {
         car.release(self.net);
     }
 
-    /// Keeps the population up through the lanes that lead into the world.
+    /// Keeps the number of cars up through the lanes that lead into the world.
     fn arrive(&mut self) {
         let present = self.cars.iter().filter(|car| !car.gone).count();
         if present >= self.target || self.sources.is_empty() {

@@ -1,42 +1,42 @@
-//! What varies from scene to scene where traffic is fitted to recordings (docs/SCENES.md): how many share the road, how close, and how
+//! Variation from scene to scene where traffic is fitted to recordings (docs/SCENES.md): how many share the road, how close, and how
 //! unlike an ideal driver they drive. Without it every scene of a pool has as many road users, who drive as their models say.
 
 use serde::{Deserialize, Serialize};
 
 use crate::kernel::{Seed, Stream, num};
 
-/// How traffic varies: `scenes.options.traffic` has two bounds of each, first and last included, a scene what it drew between them.
+/// Ranges of traffic: `scenes.options.traffic` has two bounds of each, first and last included, a scene the values drawn between them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Variation<Of> {
     /// Road users of a scene, drawn by their logarithm.
     pub users: Of,
-    /// What their room is multiplied by: metres of lane each, and metres between them at first.
+    /// Factor of their room: metres of lane each, and metres between them at first.
     pub room: Of,
-    /// How far from the ego others are recorded, metres.
+    /// Distance from the ego within which others are recorded, metres.
     pub range_m: Of,
-    /// Further lanes of a direction; of a road that meets another one, half as many.
+    /// Further lanes per direction; half as many for a road that meets another one.
     pub lanes: Of,
-    /// What speed limits are multiplied by.
+    /// Factor of speed limits.
     pub limit: Of,
-    /// Standard deviation of what drivers' pedals add to the acceleration that they want, m/s².
+    /// Standard deviation of the acceleration that drivers' pedals add to the one that they want, m/s².
     pub pedals_mps2: Of,
-    /// How far drivers wander in their lane, metres.
+    /// Amplitude of drivers' wander in their lane, metres.
     pub weave_m: Of,
     /// Standard deviation of drivers' places in their lanes, metres.
     pub place_m: Of,
     /// Standard deviation of drivers' wanted speeds, as a share of the limit.
     pub haste: Of,
-    /// What drivers' largest accelerations are multiplied by.
+    /// Factor of drivers' largest accelerations.
     pub pace: Of,
-    /// What drivers' time gaps are multiplied by.
+    /// Factor of drivers' time gaps.
     pub headway: Of,
 }
 
 /// `scenes.options.traffic`.
 pub type TrafficOptions = Variation<[f64; 2]>;
 
-/// One bound's name, its pair, and the least and the most that it may be.
+/// Name of a pair of bounds, the pair, and the least and the most that it may be.
 type Bound = (&'static str, [f64; 2], f64, f64);
 
 impl TrafficOptions {
@@ -56,7 +56,7 @@ impl TrafficOptions {
         ]
     }
 
-    /// The first bounds that are none, or beyond what the generator can do: their key below `scenes.options`, and what stands there.
+    /// Returns the first invalid bounds, or bounds that the generator cannot do: their key below `scenes.options`, and their value.
     pub(super) fn fault(&self) -> Option<(&'static str, String)> {
         let is_none =
             |&(_, [low, high], least, most): &Bound| !(least..=most).contains(&low) || !(low..=most).contains(&high);
@@ -64,7 +64,7 @@ impl TrafficOptions {
         Some((field, format!("[{low}, {high}]")))
     }
 
-    /// What one scene has of it.
+    /// Draws the values of one scene.
     pub(super) fn drawn(&self, seed: Seed, kind: &str, index: u32) -> Variation<f64> {
         let mut draw = seed.stream(&["synth", kind, &index.to_string(), "traffic"]);
         let mut between = |[low, high]: [f64; 2]| low + (high - low) * draw.unit();
@@ -85,10 +85,10 @@ impl TrafficOptions {
     }
 }
 
-/// Seconds over which a driver's pedals keep what they add.
+/// Seconds over which the acceleration that a driver's pedals add persists.
 const PEDALS_S: f64 = 0.8;
 
-/// A driver's pedals: what they add comes and goes (an Ornstein-Uhlenbeck process, sampled every step).
+/// A driver's pedals: the acceleration that they add comes and goes (an Ornstein-Uhlenbeck process, sampled every step).
 #[derive(Clone, Debug)]
 pub(super) struct Pedals {
     sd_mps2: f64,
@@ -102,7 +102,7 @@ impl Pedals {
         Pedals { sd_mps2, now_mps2, draw }
     }
 
-    /// What they add in the next step, m/s².
+    /// Returns the acceleration that they add in the next step, m/s².
     pub fn step(&mut self) -> f64 {
         let kept = num::exp(-crate::scene::DT_S / PEDALS_S);
         self.now_mps2 = kept * self.now_mps2 + self.draw.normal(0.0, self.sd_mps2 * (1.0 - kept * kept).sqrt());
@@ -110,18 +110,18 @@ impl Pedals {
     }
 }
 
-/// The amplitude of the shorter wave, of the longer one's.
+/// Amplitude of the shorter wave as a share of the longer one's.
 const SECOND_WAVE: f64 = 0.4;
 
-/// A driver's wander in the lane: two waves along the way, so that who stands does not move sideways.
+/// A driver's wander in the lane: two waves along the way, so that a standing car does not move sideways.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Weave {
-    /// Amplitude in metres, radians a metre, radians at the start.
+    /// Amplitude in metres, radians per metre, radians at the start.
     waves: [(f64, f64, f64); 2],
 }
 
 impl Weave {
-    /// The longer a wave takes at `speed_mps`, the longer it is. Both together reach `aside_m_max` at most.
+    /// Draws the waves. A wave that takes longer at `speed_mps` is longer. Both together reach `aside_m_max` at most.
     pub fn draw(amplitude_m: f64, aside_m_max: f64, speed_mps: f64, draw: &mut Stream) -> Weave {
         let amplitude_m = amplitude_m.min(aside_m_max / (1.0 + SECOND_WAVE));
         let mut wave = |amplitude_m: f64, period_s: f64| {

@@ -8,7 +8,7 @@ use crate::scene::{DT_S, LaneIx, LightState, Sample};
 
 /// Metres walked before and after the road itself.
 const SIDEWALK_M: f64 = 7.0;
-/// Where people wait, metres before the curb.
+/// Distance before the curb at which people wait, metres.
 const WAIT_M: f64 = 1.2;
 
 #[derive(Clone, Debug)]
@@ -16,9 +16,9 @@ pub(super) struct Walker {
     pub number: usize,
     pub size_m: f64,
     crosswalk: usize,
-    /// From the crosswalk's end to its start.
+    /// True if the walker goes from the crosswalk's end to its start.
     backwards: bool,
-    /// Beside the crosswalk's middle line.
+    /// Offset from the crosswalk's middle line.
     offset_m: f64,
     wait_m: f64,
     pace_mps: f64,
@@ -43,7 +43,7 @@ impl Walker {
         Sample { position, heading_rad: direction.heading(), velocity: direction * self.speed }
     }
 
-    /// Whether somebody on the road has not passed a lane yet.
+    /// Returns `true` if somebody on the road has not passed a lane yet.
     fn closes(&self, crosswalk: &Crosswalk, crossing: &Crossing) -> bool {
         let across = crosswalk.start.distance(crosswalk.end);
         let on_road = self.at_m - SIDEWALK_M;
@@ -141,7 +141,7 @@ impl Walkers {
     }
 }
 
-/// Whether the road has a red light for long enough, and no car is on the crosswalk or unable to stop before it.
+/// Returns `true` if the road has a red light for long enough, and no car is on the crosswalk or unable to stop before it.
 fn may_cross(net: &Network, cars: &[Car], walker: &Walker, time_s: f64) -> bool {
     let crosswalk = &net.crosswalks[walker.crosswalk];
     let seconds = (crosswalk.start.distance(crosswalk.end) + 2.0 * WAIT_M) / walker.pace_mps;
@@ -179,7 +179,7 @@ pub(super) fn walker_box_m(walker: &Walker) -> (f64, f64) {
     (0.8 * walker.size_m, walker.size_m)
 }
 
-/// Where nobody walks there is nothing to mark.
+/// Returns the outlines of the crosswalks; empty where nobody walks.
 pub(super) fn polygons(net: &Network) -> Vec<Vec<Vec2>> {
     net.crosswalks.iter().map(Crosswalk::polygon).collect()
 }

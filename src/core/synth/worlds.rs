@@ -9,9 +9,9 @@ use super::variation::Variation;
 use crate::kernel::{Stream, Vec2, num};
 use crate::scene::LaneKind;
 
-/// Lane metres that one road user gets on a street and on a motorway.
+/// Lane metres per road user on a street.
 const STREET_M: f64 = 24.0;
-/// The same where a junction limits the flow.
+/// Lane metres per road user where a junction limits the flow.
 const JUNCTION_M: f64 = 44.0;
 const MOTORWAY_M: f64 = 38.0;
 
@@ -51,9 +51,9 @@ pub(super) fn lay_world(
 struct Site {
     heading: f64,
     users: f64,
-    /// What a road user's lane metres are multiplied by.
+    /// Factor of a road user's lane metres.
     room: f64,
-    /// Further lanes of a direction; half as many where roads meet.
+    /// Further lanes per direction; half as many where roads meet.
     more: usize,
 }
 
@@ -106,7 +106,7 @@ impl Site {
         (self.users * room_m * self.room / lanes as f64).max(least_m)
     }
 
-    /// Too few to meet each other on a wide road.
+    /// Returns `true` for road users too few to meet each other on a wide road.
     fn few(&self) -> bool {
         self.users < 20.0
     }

@@ -26,15 +26,15 @@ pub fn likeness(one: &str, other: &str) -> u32 {
 pub fn counted(count: usize, noun: &str) -> String {
     let ending = match noun {
         _ if count == 1 => "",
-        // An epoch has no hiss at its end, a patch has.
+        // `epoch` has no hiss at its end, `patch` has.
         _ if ["s", "x", "sh", "tch", "nch", "rch"].iter().any(|end| noun.ends_with(end)) => "es",
         _ => "s",
     };
     format!("{count} {noun}{ending}")
 }
 
-/// A text of at most about `bytes_max` bytes: of a longer one beginning and end, and between them how much is left out. What is to be
-/// done stands at the end of a message.
+/// A text of at most about `bytes_max` bytes: beginning and end of a longer one, and between them how much is left out. The end stays
+/// because a message says there what to do.
 pub fn cut(text: &str, bytes_max: usize) -> std::borrow::Cow<'_, str> {
     if text.len() <= bytes_max {
         return text.into();

@@ -1,4 +1,4 @@
-//! What to change, where a server's words or the shape of its answer tell the cause.
+//! Advice on what to change, if a server's words or the shape of its answer tell the cause.
 
 use super::protocol::Aside;
 use crate::llm::{ClientOptions, Request, ResponseFormat};
@@ -14,7 +14,7 @@ pub fn context(request: &Request, answer: u64) -> String {
     )
 }
 
-/// Where an answer without content holds text, and what to do.
+/// Says where an answer without content holds text, and what to do.
 pub fn aside(aside: Aside) -> String {
     let Aside { field, is_reply } = aside;
     match (is_reply, field) {
@@ -31,7 +31,7 @@ pub fn aside(aside: Aside) -> String {
     }
 }
 
-/// What to change, if what was `said` tells it. `answer` is the most tokens of an answer.
+/// Returns what to change, if what was `said` tells it. `answer` is the most tokens of an answer.
 pub fn remedy(request: &Request, options: &ClientOptions, answer: u64, said: &str) -> Option<String> {
     let model = &request.model;
     let name = &model.name;
@@ -90,7 +90,7 @@ pub fn remedy(request: &Request, options: &ClientOptions, answer: u64, said: &st
     }
 }
 
-/// Whether a text names a field, as a word of its own.
+/// Returns `true` if a text names a field, as a word of its own.
 fn names(said: &str, field: &str) -> bool {
     let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
     said.split(|c| !is_part(c)).any(|word| word == field)

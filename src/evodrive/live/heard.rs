@@ -1,6 +1,5 @@
-//! What an HTTP answer is: the one place that tells a model's reply from a server's fault, for both protocols. What is the model's
-//! fault is a reply of some kind (cut, declined, empty, not readable); what is the server's is asked again; what asking again
-//! cannot change is refused.
+//! Interprets an HTTP answer: the one place that tells a model's reply from a server's fault, for both protocols. A fault of the model is a
+//! reply of some kind (cut, declined, empty, not readable). A fault of the server is asked again. What asking again cannot change is refused.
 
 use serde_json::Value;
 
@@ -24,11 +23,11 @@ pub enum Heard {
     Refused(Fault),
 }
 
-/// What happened, in the server's words where it has some.
+/// Description of what happened, in the server's words if it has some.
 #[derive(Debug, PartialEq)]
 pub struct Fault {
     pub reason: String,
-    /// Whether a model may have worked on it, so that it may be billed.
+    /// True if a model may have worked on it, so that it may be billed.
     pub answered: bool,
 }
 
@@ -49,7 +48,7 @@ const FINAL: [&str; 9] = [
     "exceed_context",
 ];
 
-/// What to do where something answered that speaks another protocol, or none.
+/// Advice for an address at which something answers that speaks another protocol, or none.
 const CHECK_ADDRESS: &str = "check base_url and kind";
 
 /// Tells what an answer is. `quote` shows the beginning of a body without the key.
@@ -186,7 +185,7 @@ impl ServerError {
     }
 }
 
-/// Whether a body of status 200 is an error: `error` with something in it, `object` or `type` that says so.
+/// Returns `true` if a body of status 200 is an error: `error` with something in it, `object` or `type` that says so.
 fn says_error(value: &Value) -> bool {
     let word = |field: &str| value.get(field).and_then(Value::as_str) == Some("error");
     let in_choice = value.pointer("/choices/0/error").is_some_and(holds_something);

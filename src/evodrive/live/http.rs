@@ -21,9 +21,9 @@ pub struct Answer {
     /// `Retry-After`, in seconds or as a date, or `retry-after-ms`.
     pub retry_after: Option<Duration>,
     pub content_type: Option<String>,
-    /// Whether the body has an encoding that was not asked for.
+    /// True if the body has an encoding that was not asked for.
     pub encoded: bool,
-    /// Where a redirect leads.
+    /// Address to which a redirect leads.
     pub location: Option<String>,
     pub body: Vec<u8>,
 }
@@ -34,7 +34,7 @@ pub enum Lost {
     Unsent(String),
     /// The connection broke, or the time was up.
     Midway(String),
-    /// What came is no answer: longer than any, or not HTTP.
+    /// The bytes that came are no answer: longer than any, or not HTTP.
     Unusable(String),
 }
 

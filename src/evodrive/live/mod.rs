@@ -30,7 +30,7 @@ use http::Http;
 use protocol::{End, Protocol, Said};
 use retry::{Schedule, Step, Stop};
 
-/// What a client needs of the world beside the network; it is the caller's.
+/// Means of the world beside the network that a client needs; the caller provides them.
 #[derive(Clone)]
 pub struct Outside {
     /// Waits between two attempts.
@@ -53,9 +53,9 @@ pub struct Live {
     key: Option<Secret>,
     ledger: Arc<Ledger>,
     outside: Outside,
-    /// Whether it was told that the server cuts prompts.
+    /// True once the user was told that the server cuts prompts.
     told_of_cut: AtomicBool,
-    /// Whether it was told that replies stand beside the content.
+    /// True once the user was told that replies stand beside the content.
     told_of_aside: AtomicBool,
 }
 
@@ -131,7 +131,7 @@ impl Live {
         }
     }
 
-    /// Where an answer without content holds text, and what to do; empty where it holds none. Told once where such answers are kept.
+    /// Says where an answer without content holds text, and what to do; empty if it holds none. Warns once if such answers are kept.
     fn aside(&self, said: &Said) -> Box<str> {
         let Some(aside) = said.aside else { return Box::default() };
         let words = advice::aside(aside);
@@ -142,7 +142,7 @@ impl Live {
         words.into()
     }
 
-    /// Why it is not asked again, with what to change where the server's words tell.
+    /// Returns why it is not asked again, with what to change if the server's words tell.
     fn stopped(&self, stop: Stop, request: &Request) -> ModelError {
         let bound = self.protocol.output_bound(&request.model);
         stop.error(&self.options.base_url, |text| match advice::remedy(request, &self.options, bound, text) {
@@ -222,7 +222,7 @@ impl Live {
     }
 }
 
-/// What an answer took: as the provider counts, nothing where it only refused, the bound where nobody says.
+/// Returns the tokens of an answer: as the provider counts, none if it only refused, the bound if nobody says.
 fn taken(heard: &Heard, bound: Tokens) -> Tokens {
     match heard {
         Heard::Said(said) => said.tokens().unwrap_or(bound),

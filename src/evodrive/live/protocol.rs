@@ -39,11 +39,11 @@ pub enum End {
     Broken,
 }
 
-/// Where an answer without content holds text: what its model thought, or a call of a tool that nobody offered.
+/// Place where an answer without content holds text: what its model thought, or a call of a tool that nobody offered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Aside {
     pub field: &'static str,
-    /// Whether that text is the reply.
+    /// True if that text is the reply.
     pub is_reply: bool,
 }
 
@@ -68,7 +68,7 @@ impl End {
     }
 }
 
-/// What an answer without content holds elsewhere; `at` is the object with its fields.
+/// Returns what an answer without content holds elsewhere; `at` is the object with its fields.
 pub fn aside(at: &Value, content: &str) -> Option<Aside> {
     const PLACES: [(&str, &str); 9] = [
         ("reasoning_content", "/reasoning_content"),

@@ -36,8 +36,8 @@ impl Secret {
         format!("{before}{}", self.0)
     }
 
-    /// Whether a text holds the key: as it stands, in hexadecimal digits or in base64, each also where the text was
-    /// percent-encoded or escaped as in JSON, up to [`SPELLED_OVER_MAX`] times over.
+    /// Returns `true` if a text holds the key: as it stands, in hexadecimal digits or in base64, each also where the
+    /// text was percent-encoded or escaped as in JSON, up to [`SPELLED_OVER_MAX`] times over.
     pub(super) fn is_in(&self, text: &str) -> bool {
         if self.0.len() < SECRET_CHARS_MIN {
             return false;
@@ -67,8 +67,8 @@ impl Secret {
     }
 }
 
-/// What every text in which the key stands has in common in base64: its place in a group of three bytes is not known, and the
-/// characters at its ends hang on what stands beside it.
+/// Returns what all texts that contain the key have in common in base64. The key's place in a group of three bytes is
+/// not known, and the characters at its ends depend on what stands beside it.
 fn in_base64(key: &str) -> Vec<String> {
     let inner = |before: usize, encode: &dyn Fn(&[u8]) -> String| {
         let spelled = encode(&[&vec![0; before][..], key.as_bytes()].concat());

@@ -1,4 +1,4 @@
-//! What live models have used, kept on disk, and the cap over it. A call is reserved at its upper bound before it is made.
+//! Tokens that live models have used, kept on disk, and the cap over them. A call is reserved at its upper bound before it is made.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -66,7 +66,7 @@ struct Price {
 }
 
 impl Price {
-    /// What a cache reads and writes costs as much as any prompt where nothing else is declared.
+    /// Returns the declared prices. Tokens that a cache reads or writes cost as much as any prompt if nothing else is declared.
     fn of(options: &ClientOptions) -> Price {
         let input = options.input_usd_per_million;
         Price {
@@ -152,7 +152,7 @@ impl Ledger {
         }
     }
 
-    /// What is used so far, by model, open reservations included.
+    /// Returns the tokens used so far, by model, open reservations included.
     pub fn used(&self) -> BTreeMap<String, Tokens> {
         self.lock().used.clone()
     }

@@ -2,9 +2,9 @@
 //! them, so they are lifted into characters that nobody uses, and lowered again into the bytes that they are. A reply that holds
 //! some is not UTF-8, and the strict reader refuses it.
 
-/// Where the 2048 halves stand while the JSON is read: the last private plane.
+/// First of the 2048 characters that stand for halves while the JSON is read: the last private plane.
 const HALVES: u32 = 0x10_F000;
-/// Where the 256 bytes stand.
+/// First of the 256 characters that stand for bytes.
 const BYTES: u32 = 0x10_F800;
 
 /// The body with its halves and stray bytes lifted; none where it has none.

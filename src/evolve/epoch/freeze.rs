@@ -35,7 +35,7 @@ pub struct Snapshot<'a> {
     /// Labels of the parents and of the front.
     pub standing: Standings,
     pub world: WorldSnapshot,
-    /// What the lineage was counselled.
+    /// Counsel that the lineage was given.
     pub counsels: Counsels,
     /// Places of the window's scenes in the pool.
     pub window: Vec<usize>,
@@ -46,7 +46,7 @@ pub struct Snapshot<'a> {
     pub scene_tags: Vec<String>,
     /// The conflict that each evolution scene holds, where questions are detailed; empty elsewhere.
     pub conflicts: BTreeMap<String, &'static str>,
-    /// What another method than the archive's own remembers, once the epoch's parents are drawn.
+    /// Memory of a search method other than the archive's own, after the epoch's parents are drawn.
     pub search: Option<SearchState>,
     /// Requests of the lineage's labels on evolution scenes so far, where their number is bounded.
     pub spent: BTreeSet<Digest>,
@@ -58,11 +58,11 @@ pub struct Parent {
     pub hash: Digest,
     /// On the window.
     pub score: Score,
-    /// The same in sums.
+    /// The score in sums.
     pub outcome: ParentOutcome,
-    /// What the window showed of it, where questions are detailed.
+    /// Findings on it from the window, where questions are detailed.
     pub seen: Option<Seen>,
-    /// It in each scene of the window.
+    /// Its effect in each scene of the window.
     pub in_effect: Vec<InScene>,
     /// Written out once for all slots and roles.
     pub briefing: Briefing,
@@ -155,8 +155,8 @@ fn leaders(state: &State, spec: &LineageSpec) -> Result<Vec<SolutionId>, RunErro
     Ok(std::iter::once(&lineage.active).chain(anchor).cloned().collect())
 }
 
-/// Where one program leads and the epoch has slots that widen the front, a second parent for them: the front's other members
-/// that act take turns.
+/// Adds a second parent for the slots that widen the front, where one program leads and the epoch has such slots: the
+/// front's other members that act take turns.
 fn with_portfolio(
     study: &Study,
     state: &State,
@@ -177,7 +177,7 @@ fn with_portfolio(
     Ok(leaders.into_iter().chain(turn).collect())
 }
 
-/// What the agents are told of a parent's labels.
+/// Parts of a parent's labels that the agents are told.
 struct Shown {
     outcome: ParentOutcome,
     clusters: Vec<Cluster>,
@@ -185,7 +185,7 @@ struct Shown {
     seen: Option<Seen>,
 }
 
-/// Whose state is frozen, and for which epoch.
+/// State, epoch and lineage that a snapshot is made of.
 struct Freezing<'f> {
     study: &'f Study,
     state: &'f State,
@@ -252,7 +252,7 @@ impl Freezing<'_> {
         Ok(Parent { program, hash, score, outcome, seen, in_effect, briefing, memory_shown })
     }
 
-    /// What the window showed of a parent.
+    /// Collects what the agents are told of a parent's labels on the window.
     fn shown(&self, program: &Program, score: &Score, scene_tags: &[String]) -> Result<Shown, RunError> {
         let Freezing { study, spec, ref labelling, .. } = *self;
         let mut outcome = briefing::parent_outcome(score);

@@ -25,7 +25,7 @@ use crate::objects::{
 use crate::sim::SIM_VERSION;
 use crate::world::{self, CalibrationSet};
 
-/// What the run is a function of.
+/// Returns the first event: everything that the run is a function of.
 pub fn opened(study: &Study) -> Result<Opened, RunError> {
     let mut contracts = BTreeMap::new();
     for spec in &study.lineages {

@@ -61,7 +61,7 @@ fn ran(experiment: &Experiment, options: &BackendOptions, repeats: bool) -> (Ran
     (ran, asked)
 }
 
-/// What was predicted of an attempt that has labels, and what these are; differences from its parent on its window.
+/// Returns the route of an attempt that has labels, and its predicted and labelled differences from its parent on its window.
 fn compared<'r>(ran: &'r Ran, attempt: &'r Attempt) -> Option<(&'r Route, Objectives, Objectives)> {
     let (route, score) = (attempt.exit.route()?, attempt.exit.score()?);
     let frozen = ran.frozen.iter().find(|frozen| frozen.epoch == attempt.epoch)?;

@@ -10,7 +10,7 @@ use crate::evaluation::{EvaluationOptions, MetadriveOptions};
 use crate::experiment::Experiment;
 use crate::objects::{Exit, FrontOf, GatesAsked, JudgedOn, PairOptions, RealismMean, Route, Taking, WorldModel};
 
-/// What came of every proposal, who leads, whom the front holds and which cards were shown: nothing of how questions are worded.
+/// Returns the outcome of every proposal, who leads, who is on the front and which cards were shown, but nothing of the questions' wording.
 fn came_of(ran: &Ran) -> Value {
     let exit = |exit: &Exit| match exit {
         Exit::Declined { .. } => json!("declined"),
@@ -34,7 +34,7 @@ fn metadrive(experiment: &mut Experiment) -> &mut MetadriveOptions {
 /// A rule by its key, and the switch.
 type Rule = (&'static str, fn(&mut Experiment));
 
-/// What labels ask for (`evaluation.attack.requires`, `excuses_recordings`) is held by the labels' own tests.
+/// Rules that the test switches. Those of labels (`evaluation.attack.requires`, `excuses_recordings`) are covered by the labels' own tests.
 const RULES: [Rule; 5] = [
     ("evaluation.realism.mean", |of| metadrive(of).realism.mean = RealismMean::Plain),
     ("archive.front", |of| of.archive.front = FrontOf::Evaluated),

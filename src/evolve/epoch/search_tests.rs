@@ -74,7 +74,7 @@ fn labels(ran: &Ran) -> BTreeMap<SolutionId, Objectives> {
     parents.chain(ran.attempts.iter().filter_map(child)).collect()
 }
 
-/// What holds under every method: the budget is used up and not exceeded, and attempts edit what was frozen for them.
+/// Checks what holds under every method: the budget is used up and not exceeded, and attempts edit what was frozen for them.
 fn holds_everywhere(ran: &Ran, method: Method) {
     let used = rollouts(ran);
     assert!(used <= ROLLOUTS, "{method:?} used {used} rollouts of {ROLLOUTS}");

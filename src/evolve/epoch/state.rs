@@ -1,4 +1,4 @@
-//! What evolution changes.
+//! State of a run that evolution changes.
 
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -29,30 +29,30 @@ pub struct State {
     pub world: WorldSnapshot,
     /// The world agent's turns so far, the lineage of the evaluator's snapshots. Each is an event of the transcript.
     pub evolved: Vec<WorldEvolved>,
-    /// What the attacker agent said so far. Its events are in the transcript, and its digests in rollouts' keys.
+    /// Counsel of the attacker agent so far. Its events are in the transcript, and its digests in rollouts' keys.
     pub counsels: Counsels,
     /// Every attempt so far, as sealed in the transcript.
     pub attempts: Vec<Attempt>,
-    /// What each simulated attempt changed against its parent, for prompts and cards. It follows from labels on record.
+    /// Change that each simulated attempt made against its parent, for prompts and cards. It follows from labels on record.
     pub changes: BTreeMap<AttemptId, Change>,
-    /// What a method other than the archive's own remembers; empty under that one.
+    /// Memory of a search method other than the archive's own; empty under the archive's own.
     pub search: BTreeMap<LineageId, SearchState>,
     /// Requests of rollouts on evolution scenes so far, where a budget bounds them. They follow from labels on record.
     pub spent: BTreeMap<LineageId, BTreeSet<Digest>>,
-    /// One an epoch and lineage.
+    /// One entry per epoch and lineage.
     pub settled: Vec<Settled>,
-    /// Of everything above: after an epoch, the digest before it with all that the epoch changed (`Settling`).
+    /// Digest of everything above: after an epoch, the digest before it with all that the epoch changed (`Settling`).
     pub digest: Digest,
 }
 
-/// What one epoch of one lineage does to the state.
+/// Changes that one epoch of one lineage makes to the state.
 #[derive(Serialize)]
 pub struct Settling<'a> {
     /// Digest of the state before.
     pub before: Digest,
     pub lineage: &'a LineageId,
     pub epoch: u32,
-    /// What the lineage keeps of the epoch's attempts, and the admitted programs' hashes.
+    /// Records that the lineage keeps of the epoch's attempts, and the admitted programs' hashes.
     pub attempts: &'a [AttemptRecord],
     pub programs: Vec<Digest>,
     pub active: &'a SolutionId,
@@ -63,14 +63,14 @@ pub struct Settling<'a> {
     pub labels: &'a [WorldLabel],
     /// Digest of the world's new snapshot.
     pub world: Digest,
-    /// What another method than the archive's own now remembers of the lineage.
+    /// Memory of the lineage that a search method other than the archive's own now has.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub search: Option<&'a SearchState>,
 }
 
 impl State {
-    /// What the epochs of one lineage can read of it: its own part, the cards of others that it may be shown, and the labels that
-    /// the evaluator will be fitted to where that decides who is simulated.
+    /// Returns the part that the epochs of one lineage can read: its own state, the cards of other lineages that it may be shown,
+    /// and the labels that the evaluator will be fitted to where that decides who is simulated.
     pub fn of_lineage(&self, study: &Study, lineage: &LineageId) -> Result<State, RunError> {
         fn own<V: Clone>(all: &BTreeMap<LineageId, V>, lineage: &LineageId) -> BTreeMap<LineageId, V> {
             all.get(lineage).map(|of| (lineage.clone(), of.clone())).into_iter().collect()

@@ -56,7 +56,7 @@ pub(super) fn study(experiment: &Experiment, threads: &Threads) -> Study {
     experiment.study(scenes, threads).unwrap()
 }
 
-/// What a run left behind.
+/// Result and events that a run left behind.
 pub(super) struct Ran {
     pub root: Digest,
     pub result: RunResult,
@@ -174,7 +174,7 @@ fn where_the_evaluator_decides_the_order_of_lineages_changes_no_bit_of_what_it_s
     }
 }
 
-/// How many actors' questions of an epoch must be open before one of them is answered.
+/// Number of actors' questions of an epoch that must be open before one of them is answered, with what was met.
 #[derive(Default)]
 pub(super) struct Patience {
     wanted: usize,
@@ -186,7 +186,7 @@ pub(super) struct Patience {
     pub heard: Mutex<Vec<Request>>,
 }
 
-/// A model that waits so. It loses patience after some seconds, so that a run whose questions never are together ends, too.
+/// A model that waits for them. It loses patience after some seconds, so that a run whose questions are never open together ends, too.
 struct Waiting<'a> {
     ask: &'a dyn Ask,
     patience: &'a Patience,

@@ -67,7 +67,7 @@ pub fn agreement_study(
     Ok([("study.toml", study), ("evodrive.toml", own), ("metadrive.toml", other)])
 }
 
-/// Whether an ego that repeats the recording can drive the scene, if anybody can.
+/// Returns `true` if an ego that repeats the recording can drive the scene, if anybody can.
 fn ego_is_recorded(scene: &Scene) -> bool {
     let ego = &scene.ego;
     usable(scene).is_err() || ego.track.samples.iter().skip(ego.start_step).all(Option::is_some)

@@ -115,7 +115,7 @@ pub fn values(table: &Table, key: &Key) -> Vec<Value> {
     expanded(&root, &parts(key.key)).iter().filter_map(|path| at(&root, path).cloned()).collect()
 }
 
-/// Whether a table holds a value at a path that a message names.
+/// Returns `true` if a table holds a value at a path that a message names.
 pub fn holds(table: &Table, path: &str) -> bool {
     let root = Value::Table(table.clone());
     let mut steps = Vec::new();
@@ -127,7 +127,7 @@ pub fn holds(table: &Table, path: &str) -> bool {
     at(&root, &steps).is_some()
 }
 
-/// What is asked of a key, its path and its value.
+/// Check of a key, its path and its value.
 type Judge<'j> = dyn Fn(&Key, &[Step], &Value) -> Result<(), OptionError> + 'j;
 
 struct Checker<'t> {

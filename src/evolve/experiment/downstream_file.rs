@@ -13,7 +13,7 @@ use crate::learn::{Reward, SacOptions, TrainingOptions};
 use crate::objects::downstream::SetName;
 use crate::scene::Pool;
 
-/// How many scenes a set has.
+/// Number of scenes in a set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SetSizes {
@@ -39,7 +39,7 @@ pub struct Arm {
 pub struct Schedule {
     pub setting: Setting,
     pub updates: u64,
-    /// How many of them are made on the plain set, once a seed for all arms: the arms go on from there, with its replay buffer.
+    /// Number of these updates that are made on the plain set, once per seed for all arms: the arms go on from there, with its replay buffer.
     #[serde(default, skip_serializing_if = "is_none")]
     pub plain_updates: u64,
     pub steps_per_update: u64,
@@ -107,9 +107,9 @@ pub struct DownstreamFile {
     /// File of `evodrive program export`, relative to this one: its parent and its program are the generators, and scenes are
     /// simulated, and planned for, under its conditions.
     pub program: PathBuf,
-    /// Where the study is recorded, relative to this file.
+    /// Place of the study's record, relative to this file.
     pub record: PathBuf,
-    /// One training a seed and arm.
+    /// One training per seed and arm.
     pub seeds: Vec<u64>,
     /// Scenes to train on: twice as many as a set has, and some more, since a program acts not everywhere.
     pub scenes: SceneSource,
@@ -131,7 +131,7 @@ impl DownstreamFile {
     /// Reads a study file and checks every option.
     ///
     /// # Errors
-    /// What cannot be read; an option that is unknown, missing or out of its range.
+    /// Returns an error if the file cannot be read, or an option is unknown, missing or out of its range.
     pub fn read(path: &Path) -> Result<DownstreamFile, ExperimentError> {
         let mut file: DownstreamFile = toml_file::read(path, "downstream study")?;
         let refuse = |problem: String| Err(toml_file::problem(path, problem));

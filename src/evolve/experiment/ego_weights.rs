@@ -20,17 +20,17 @@ pub(super) const LEARNED: &str = "learned";
 /// Bytes that a file of weights may have.
 const WEIGHTS_BYTES_MAX: u64 = 64 << 20;
 
-/// What an experiment keeps of the file.
+/// A file of weights as an experiment keeps it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EgoWeights {
-    /// Of the file's bytes.
+    /// Digest of the file's bytes.
     pub digest: Digest,
     /// The bytes, two hex digits each.
     pub weights: String,
 }
 
-/// What an experiment file says.
+/// A file of weights as an experiment file names it.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Named {
@@ -136,7 +136,7 @@ fn spell_several(lineage: &mut Table) {
     }
 }
 
-/// Whether a lineage's ego is a learned one in SafeBench's protocol.
+/// Returns `true` if a lineage's ego is a learned one in SafeBench's protocol.
 fn is_staged(lineage: &Value) -> bool {
     let word = |key: &str| lineage.get(key).and_then(Value::as_str);
     let family = word("family").map(FamilyName::new);
@@ -144,7 +144,7 @@ fn is_staged(lineage: &Value) -> bool {
     word("ego") == Some(LEARNED) && contract.as_deref() == Some(STAGED)
 }
 
-/// What makes the weights of a file.
+/// Returns the command that makes the weights of a file.
 fn command(file: &str) -> String {
     let name = Path::new(file).file_stem().map_or_else(|| "<name>".into(), |stem| stem.to_string_lossy().into_owned());
     if PUBLISHED.ends_with(&name) {

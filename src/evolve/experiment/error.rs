@@ -1,4 +1,4 @@
-//! What is wrong with an experiment: the option, what was found there, what is expected.
+//! Faults of an experiment: the option, what was found there, what is expected.
 
 use crate::store::StoreError;
 use crate::text::nearest;
@@ -7,7 +7,7 @@ use crate::text::nearest;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{path} is {found}, expected {expected}")]
 pub struct OptionError {
-    /// Where it stands, e.g. `budget.slots` or `lineage[0].family`.
+    /// Place of the option, e.g. `budget.slots` or `lineage[0].family`.
     pub path: String,
     /// The value as the file writes it; `missing` and `unknown` for keys without one.
     pub found: String,
@@ -43,7 +43,7 @@ pub enum ExperimentError {
     /// `file` is the one that holds the value: the experiment file or one of its bases.
     #[error("{file}: {error}")]
     Option { file: String, error: OptionError },
-    /// What concerns several options at once, or a file that is no TOML.
+    /// A fault of several options at once, or a file that is no TOML.
     #[error("{file}: {problem}")]
     File { file: String, problem: String },
     /// Scenes that cannot be read, generated or split.

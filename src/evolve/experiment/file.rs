@@ -27,7 +27,7 @@ pub struct Composed {
     pub file: PathBuf,
     /// The file's own text.
     text: String,
-    /// Whether something was written into the table in place of the name of its file.
+    /// True if something was written into the table in place of the name of its file.
     inlined: bool,
     /// The file and its bases by name, each with its own table; the file first.
     layers: Vec<(String, Table)>,
@@ -166,7 +166,7 @@ fn rebase(table: &mut Table, folder: &Path) {
     }
 }
 
-/// Whether a seed is written anywhere in this table.
+/// Returns `true` if a seed is written anywhere in this table.
 fn names_a_seed(table: &Table) -> bool {
     table.iter().any(|(key, value)| match value {
         Value::Table(below) => names_a_seed(below),

@@ -1,4 +1,4 @@
-//! What may stand at one key of an experiment file: its range, its unit, when it is needed.
+//! Keys of an experiment file and what may stand there: the range, the unit, when a key is needed.
 
 use super::OptionError;
 
@@ -15,7 +15,7 @@ pub struct Key {
     pub unit: &'static str,
     pub range: Range,
     pub need: Need,
-    /// What it means, in a sentence.
+    /// Meaning, in a sentence.
     pub meaning: &'static str,
 }
 
@@ -57,11 +57,11 @@ pub enum Range {
 pub enum Need {
     Always,
     Optional,
-    /// Where that table is; it is unknown elsewhere.
+    /// Needed if that table is there; unknown elsewhere.
     With(&'static str),
-    /// Where that table is not; it is refused beside it.
+    /// Needed if that table is not there; refused beside it.
     Without(&'static str),
-    /// Where that key has one of these values; it is refused elsewhere.
+    /// Needed if that key has one of these values; refused elsewhere.
     Of(&'static str, &'static [&'static str]),
 }
 
@@ -144,7 +144,7 @@ fn number(value: &toml::Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|x| x as f64))
 }
 
-/// Whether it may name folders and files of a run.
+/// Returns `true` if it may name folders and files of a run.
 pub fn is_name(name: &str) -> bool {
     let legal = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-' || c == '_';
     !name.is_empty() && name.len() <= 64 && name.chars().all(legal)

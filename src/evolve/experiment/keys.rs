@@ -628,7 +628,7 @@ fn selection() -> Vec<Key> {
     table(|| Optional, vec![("split.selection", "", "scenes", Whole(0, 100_000), meaning)])
 }
 
-/// What outcomes say besides.
+/// Returns the keys of what outcomes say besides.
 fn of_kind() -> Vec<Key> {
     let meaning = "Whether outcomes say what of a motion its kind does not do: slides, turns on the spot, speed (docs/OBJECTIVES.md).";
     let place =

@@ -26,8 +26,8 @@ pub struct ModelOptions {
     /// Live models: further fields of the request's body, sent as they are.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub body: BTreeMap<String, serde_json::Value>,
-    /// Whether a byte order mark, a code fence, a think block or an end token around the one JSON object of a reply is taken off before
-    /// it is read. No part of a request's key: what was answered is not asked again.
+    /// True if a byte order mark, a code fence, a think block or an end token around the one JSON object of a reply is taken off before
+    /// it is read. Not part of a request's key: what was answered is not asked again.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub unwrap: bool,
     /// Live models: address, waiting, prices. No part of a request's key or of the experiment's digest.
@@ -43,7 +43,7 @@ pub struct ModelOptions {
 }
 
 impl ModelOptions {
-    /// What counts into the keys of requests.
+    /// Returns the part that counts into the keys of requests.
     pub fn spec(&self, name: &str) -> ModelSpec {
         ModelSpec {
             name: name.to_string(),

@@ -1,4 +1,4 @@
-//! Which model of an experiment plays which role.
+//! Models of an experiment by the roles that they play.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -32,7 +32,7 @@ pub fn asked(experiment: &Experiment) -> BTreeSet<&str> {
     experiment.roles.values().chain(drawn).map(String::as_str).collect()
 }
 
-/// Whether every question goes to the scripted model, which answers it alike every time: such answers need not be kept.
+/// Returns `true` if every question goes to the scripted model, which answers it alike every time: such answers need not be kept.
 pub fn is_scripted(experiment: &Experiment) -> bool {
     let scripted = |name: &&str| experiment.models.get(*name).is_some_and(|options| options.kind == SCRIPTED);
     asked(experiment).iter().all(scripted)

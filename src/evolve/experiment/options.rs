@@ -54,10 +54,10 @@ pub struct Experiment {
     pub driver: Option<DriverOptions>,
     /// Models by name.
     pub models: BTreeMap<String, ModelOptions>,
-    /// What live models may use; needed where there is one. No part of the digest, so that it can be raised on the way.
+    /// Limits for live models; needed where there is one. No part of the digest, so that it can be raised on the way.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spend: Option<SpendCap>,
-    /// What the template agent is asked for, where a lineage's family takes templates; without it the published ones stay.
+    /// Request to the template agent, where a lineage's family takes templates; without it the published ones stay.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub composition: Option<CompositionOptions>,
     /// How the attacker agent is asked; needed where a lineage's family takes counsel, and refused elsewhere.
@@ -66,7 +66,7 @@ pub struct Experiment {
     /// Role -> name of its model. Every role is named, so that one can be a real model and another scripted;
     /// `attacker_agent` only where a lineage's family takes counsel.
     pub roles: BTreeMap<Role, String>,
-    /// Under which rules scenes are simulated, and by which simulator.
+    /// Rules under which scenes are simulated, and the simulator.
     pub simulator: SimulatorTable,
     pub evaluation: EvaluationOptions,
     pub archive: ArchiveOptions,
@@ -77,16 +77,16 @@ pub struct Experiment {
     /// How the world agent may change it; without it the configuration stays as it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub world_agent: Option<WorldAgentOptions>,
-    /// Whether the sort of road user that a program inserts stays its parent's.
+    /// True if the sort of road user that a program inserts stays its parent's.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fixed_bodies: bool,
     /// How a proposal is judged before any rollout, where that is not our way.
     #[serde(default, skip_serializing_if = "is_default")]
     pub proposals: ProposalOptions,
-    /// Which form the questions to the roles that evolve programs have; without it the first one, under which old answers are recorded.
+    /// Form of the questions to the roles that evolve programs; without it the first one, under which old answers are recorded.
     #[serde(default, skip_serializing_if = "Questions::is_plain")]
     pub questions: Questions,
-    /// Which method searches, and its budget of rollouts; without it the archive's own, bounded by epochs and slots.
+    /// Method of the search, and its budget of rollouts; without it the archive's own, bounded by epochs and slots.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<SearchOptions>,
     /// Parts of the system that the run does without.
@@ -110,19 +110,19 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 pub struct SimulatorTable {
     pub plant: PlantOptions,
     pub avoidance: AvoidanceOptions,
-    /// Whether outcomes say what of a motion its kind does not do.
+    /// True if outcomes say what in a motion a road user of its kind does not do.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub of_kind: bool,
-    /// Whether outcomes say where a motion's kind does not belong.
+    /// True if outcomes say where a road user of the motion's kind does not belong.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub of_place: bool,
-    /// Whether outcomes say who is at fault by nuPlan's rule.
+    /// True if outcomes say who is at fault by nuPlan's rule.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub at_fault: bool,
-    /// Whether labels say which drivers of UN R157 would have avoided a contact.
+    /// True if labels say which drivers of UN R157 would have avoided a contact.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub jury: bool,
-    /// Which form of SafeBench's scripts traffic families stage.
+    /// Form of SafeBench's scripts that traffic families stage.
     #[serde(default, skip_serializing_if = "is_default")]
     pub scripts: Scripts,
     /// `None` stands for our own simulator, whether `evodrive` is written or nothing: then the digest is the same, too.
@@ -165,7 +165,7 @@ fn written_backend<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<
     }
 }
 
-/// Where scenes come from.
+/// Source of scenes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(tag = "source", rename_all = "snake_case", deny_unknown_fields)]
 pub enum SceneSource {
@@ -191,13 +191,13 @@ pub struct SplitOptions {
     pub selection: Option<usize>,
     /// Scenes of the rotating development window.
     pub window: usize,
-    /// What becomes of scenes in which an ego under test meets somebody although no program acts.
+    /// Treatment of scenes in which an ego under test meets somebody although no program acts.
     #[serde(default, skip_serializing_if = "PlainContacts::are_kept")]
     pub plain_contacts: PlainContacts,
 }
 
-/// What becomes of scenes whose recording an ego does not live through, with no program's help. A program can win nothing by the contact of
-/// that recording, but the scene tells less of it than others.
+/// Treatment of scenes in which an ego has a contact in the plain recording, without any program. A program can win nothing by that
+/// contact, but the scene tells less of it than others.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PlainContacts {
@@ -249,7 +249,7 @@ pub struct LineageOptions {
     /// The program of another run that it starts from in place of its family's parent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub parent_program: Option<ParentProgram>,
-    /// Whether its parent is the one with the numbers that its family's authors published.
+    /// True if its parent is the one with the numbers that its family's authors published.
     #[serde(default, skip_serializing_if = "is_default")]
     pub published: bool,
     /// The program of the ego `command`, as the experiment's `[driver]` identifies it.
@@ -269,7 +269,7 @@ impl LineageOptions {
         }
     }
 
-    /// Whether the lineage's weights are this driver's: of several those of the learned one alone.
+    /// Returns `true` if the lineage's weights are this driver's: of several drivers, only the learned one has them.
     fn takes_weights(&self, ego: &str) -> bool {
         self.egos.is_empty() || ego == ego_weights::LEARNED
     }

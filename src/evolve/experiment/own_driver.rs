@@ -82,7 +82,7 @@ fn texts(driver: &Table, key: &str) -> Option<Vec<String>> {
     driver.get(key)?.as_array()?.iter().map(|value| value.as_str().map(String::from)).collect()
 }
 
-/// What the planner is told beyond what every one is; otherwise the key, what it holds and what was expected.
+/// Returns what the planner is told beyond what every one is; the error is the key, what it holds and what was expected.
 fn heard(driver: &Table) -> Result<(Option<Setting>, bool), (&'static str, String, &'static str)> {
     let observe = match driver.get("observe") {
         None => None,
@@ -154,7 +154,7 @@ pub fn attach(experiment: &mut Experiment) -> Result<(), OptionError> {
     Ok(())
 }
 
-/// What the list of keys says too: a file that is named on the command line need not be an experiment.
+/// Checks what the list of keys checks too: a file that is named on the command line need not be an experiment.
 pub fn fit(driver: &DriverOptions) -> Result<(), OptionError> {
     let refuse = |field: &str, found: String, expected: &str| {
         Err(OptionError::new(format!("driver.{field}"), found, expected.to_string()))

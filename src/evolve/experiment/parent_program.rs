@@ -13,7 +13,7 @@ use super::{ExperimentError, OptionError};
 use crate::kernel::Digest;
 use crate::objects::{Origin, Program};
 
-/// What an experiment keeps of the file.
+/// A program file as an experiment keeps it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParentProgram {

@@ -1,4 +1,4 @@
-//! Where a file of an experiment is: on the disk, or in the program.
+//! Places of an experiment's files: on the disk, or in the program.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -7,7 +7,7 @@ use crate::store;
 
 /// Bytes that an experiment file may have: a run folder's holds the programs that its lineages start from.
 const FILE_BYTES_MAX: u64 = 64 << 20;
-/// What stands before the name of a protocol that the program carries.
+/// Prefix of the name of a protocol that the program carries.
 pub const SHIPPED: &str = "evodrive:";
 
 /// The protocols that the program carries: name and file.
@@ -26,7 +26,7 @@ const CALIBRATIONS: [(&str, &str); 2] = [
     ("kinds", include_str!("../../../experiments/calibration/kinds.toml")),
 ];
 
-/// Where a file is.
+/// Place of a file.
 pub enum Place {
     Disk(PathBuf),
     Shipped(&'static str, &'static str),
@@ -106,7 +106,7 @@ impl Place {
         Place::of(&self.path_beside(Path::new(name))).read()
     }
 
-    /// Where a file lies that a file here names.
+    /// Returns the path of a file that a file here names.
     pub fn path_beside(&self, name: &Path) -> PathBuf {
         match self {
             Place::Shipped(..) => name.to_path_buf(),

@@ -9,7 +9,7 @@ impl Experiment {
     /// Reads an experiment file with its bases, and checks every option.
     ///
     /// # Errors
-    /// What cannot be read; the first option that is unknown, missing, out of its range or at odds with another one.
+    /// Returns an error if a file cannot be read, and for the first option that is unknown, missing, out of its range or at odds with another one.
     pub fn read(path: &Path) -> Result<Experiment, ExperimentError> {
         Experiment::of(file::composed(path)?)
     }

@@ -1,4 +1,4 @@
-//! What one option means for another: who is asked where a family needs it, weights that sum to one, models that are named.
+//! Relations between options: who is asked where a family needs it, weights that sum to one, models that are named.
 
 use std::collections::BTreeSet;
 
@@ -267,12 +267,12 @@ fn named_model(experiment: &Experiment, role: Role) -> Result<(), OptionError> {
     }
 }
 
-/// What a family asks of agents besides patches; nothing, if no family has this name.
+/// Returns what a family asks of agents besides patches; nothing if no family has this name.
 fn asks_of(family: &FamilyName) -> Asks {
     families::sources().get(family).map(|source| source.asks).unwrap_or_default()
 }
 
-/// Whether a lineage's family takes counsel: then, and only then, the file says how and from which model.
+/// Returns `true` if a lineage's family takes counsel: then, and only then, the file says how and from which model.
 fn counselled(experiment: &Experiment) -> Result<bool, OptionError> {
     let takes = experiment.lineages.iter().find(|lineage| asks_of(&lineage.family).counsel.is_some());
     let role = Role::AttackerAgent;
@@ -298,7 +298,7 @@ fn counselled(experiment: &Experiment) -> Result<bool, OptionError> {
     }
 }
 
-/// Whether templates are composed: where the file describes some and a lineage's family takes them.
+/// Returns `true` if templates are composed: the file describes some and a lineage's family takes them.
 fn composes(experiment: &Experiment) -> Result<bool, OptionError> {
     // A lineage that starts from a program file or a published one has its templates.
     let has_none = |lineage: &&LineageOptions| lineage.parent_program.is_none() && !lineage.published;
@@ -332,7 +332,7 @@ fn composes(experiment: &Experiment) -> Result<bool, OptionError> {
     }
 }
 
-/// Whether the world evaluator evolves: where the file has a table for it, and only there a model for it.
+/// Returns `true` if the world evaluator evolves: the file has a table for it, and only then a model for it.
 fn evolves(experiment: &Experiment) -> Result<bool, OptionError> {
     let place = format!("roles.{}", Role::WorldAgent.name());
     let Some(options) = &experiment.world_agent else {

@@ -33,7 +33,7 @@ pub fn schema() -> Value {
     schema
 }
 
-/// What may stand at a place of the file: a value, a list, or a table of known or of free names.
+/// Contents that a place of the file may have: a value, a list, or a table of known or of free names.
 #[derive(Default)]
 struct Place {
     value: Option<Value>,

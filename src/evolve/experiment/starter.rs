@@ -12,7 +12,7 @@ use crate::scene::{Pool, usable};
 use crate::stage::Source;
 use crate::text::counted;
 
-/// What a file is written for.
+/// Choices that a new experiment file is written for.
 #[derive(Clone, Debug)]
 pub struct Starter {
     /// Names the experiment and its cassette.
@@ -49,9 +49,9 @@ const WINDOW_MAX: usize = 20;
 pub struct Started {
     /// The text of the file.
     pub text: String,
-    /// What so many held-out scenes can show of a rate.
+    /// Sentence on what so many held-out scenes can show of a rate.
     pub shows: String,
-    /// What they cannot, where they are few.
+    /// Sentence on what they cannot show, where they are few.
     pub few: Option<String>,
 }
 
@@ -201,7 +201,7 @@ pub(super) fn named_source(path: &Path) -> String {
     }
 }
 
-/// How many scenes of a pool the families can use.
+/// Returns how many scenes of a pool the families can use.
 pub(super) fn usable_in(path: &Path, pool: &Pool, staged: bool) -> Result<usize, ExperimentError> {
     let (path, all) = (path.display(), pool.scenes.len());
     if let Some(strange) = pool.scenes.iter().find(|scene| scene.staging.is_some() != staged) {
@@ -232,7 +232,7 @@ fn held_out_of(count: usize, wanted: usize) -> Result<usize, ExperimentError> {
     if fits { Ok(wanted) } else { Err(ExperimentError::Option { file: "init".into(), error }) }
 }
 
-/// What so many held-out scenes can show of a rate: the 95 % interval of one half is the widest.
+/// Says what so many held-out scenes can show of a rate: the 95 % interval of one half is the widest.
 fn shows(held_out: usize) -> String {
     let few = if held_out < HELD_OUT_MIN { "few: " } else { "" };
     let scenes = counted(held_out, "scene");
@@ -243,7 +243,7 @@ fn shows(held_out: usize) -> String {
     }
 }
 
-/// What fewer than [`HELD_OUT_MIN`] held-out scenes are good for, and what not.
+/// Says what fewer than [`HELD_OUT_MIN`] held-out scenes are good for, and what not.
 fn few(held_out: usize) -> Option<String> {
     (held_out < HELD_OUT_MIN).then(|| {
         format!(

@@ -31,7 +31,7 @@ pub fn read<T: DeserializeOwned>(path: &Path, kind: &str) -> Result<T, Experimen
 /// Characters of a line that an error shows whole.
 const SHOWN_CHARS: usize = 400;
 
-/// What is wrong with a TOML text, with its place: as the reader says it, unless it would print a line that nobody can look at.
+/// Says what is wrong with a TOML text, and where: in the reader's words, unless these would print a line too long to look at.
 pub fn said(error: &toml::de::Error, text: &str) -> String {
     let at = error.span().map_or(0, |span| span.start.min(text.len()));
     let before = &text.as_bytes()[..at];

@@ -19,14 +19,14 @@ pub struct TrainingFile {
     pub name: String,
     /// One sentence for the card.
     pub describes: String,
-    /// What is known to go wrong with the weights that came of it, for the card; no part of the recipe.
+    /// Known faults of the weights that came of it, for the card; no part of the recipe.
     #[serde(default)]
     pub known_faults: Vec<String>,
     /// Scenes to learn on.
     pub scenes: SceneSource,
     /// Scenes by which actors are compared. They must not be those of the protocol's held-out set.
     pub validation: SceneSource,
-    /// Under which rules scenes are simulated.
+    /// Rules under which scenes are simulated.
     pub simulator: SimulatorOptions,
     pub training: TrainingOptions,
     /// The file that it was read from.
@@ -38,7 +38,7 @@ impl TrainingFile {
     /// Reads a training file and checks every option.
     ///
     /// # Errors
-    /// What cannot be read; an option that is unknown, missing or out of its range.
+    /// Returns an error if the file cannot be read, or an option is unknown, missing or out of its range.
     pub fn read(path: &Path) -> Result<TrainingFile, ExperimentError> {
         let mut file: TrainingFile = toml_file::read(path, "training")?;
         toml_file::check_name(path, &file.name)?;

@@ -34,7 +34,7 @@ pub enum ShardError {
      and remove the result that it does not confirm"
 )]
 pub struct Conflict {
-    /// Which kind of record, and under which key.
+    /// Kind of the record, and its key.
     pub what: &'static str,
     pub key: Digest,
     pub scene: String,
@@ -56,7 +56,7 @@ pub struct Untrue {
     pub file: String,
     pub task: Digest,
     pub scene: String,
-    /// Where the two records part, and both values.
+    /// Field in which the two records part, and both values.
     pub field: String,
     pub expected: String,
     pub found: String,
@@ -73,16 +73,16 @@ pub struct WithdrawnRecord {
     pub file: String,
     pub task: Digest,
     pub scene: String,
-    /// What was withdrawn, and why.
+    /// Record that was withdrawn, and why.
     pub record: Digest,
     pub reason: String,
 }
 
-/// What helps against a damaged shard, and against a damaged result.
+/// Remedy for a damaged shard, and for a damaged result.
 pub(super) const COPY_AGAIN: &str = "copy the shard again from where it was planned";
 pub(super) const WORK_AGAIN: &str = "remove the file and do its shard again; nothing of it was merged";
 
-/// Where in a file: a line from 1, or the whole of it.
+/// Names a place in a file: a line from 1, or the whole of it.
 pub(super) fn place(line: usize) -> String {
     if line == 0 { "as a whole".into() } else { format!("line {line}") }
 }

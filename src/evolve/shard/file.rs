@@ -36,7 +36,7 @@ struct HeadLine {
     needs: Vec<Need>,
 }
 
-/// Of a whole lineage: how many records and answers follow its place.
+/// Head of a whole lineage: how many records and answers follow its place.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LineageLine {
@@ -75,7 +75,7 @@ pub struct Shard {
     /// With the keys of their records.
     pub tasks: Vec<(Digest, Task)>,
     pub lineage: Option<Lineage>,
-    /// What a worker must have besides the study.
+    /// Requirements of a worker besides the study.
     pub needs: Vec<Need>,
 }
 
@@ -83,11 +83,11 @@ pub struct Shard {
 #[derive(Clone, Debug)]
 pub struct Lineage {
     pub walk: LineageJob,
-    /// What the run has on record and the way reads.
+    /// Records of the run that the lineage's work reads.
     pub records: Vec<WalkRecord>,
     /// Recorded answers of models.
     pub answers: Vec<RecordedAnswer>,
-    /// Whether the worker asks the stand-in for answers that are not recorded.
+    /// True if the worker asks the stand-in for answers that are not recorded.
     pub asks: bool,
 }
 
@@ -232,7 +232,7 @@ impl Shard {
     }
 }
 
-/// What was expected, and what was found.
+/// Pair of what was expected and what was found.
 pub(super) type Wrong = (String, String);
 
 /// The lines of a file, each ended by a line feed, counted from 1. No more than one is in memory.
@@ -302,7 +302,7 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// Whether nothing more can be read.
+    /// Returns `true` if nothing more can be read.
     pub fn is_at_end(&mut self) -> bool {
         self.from.fill_buf().is_ok_and(<[u8]>::is_empty)
     }

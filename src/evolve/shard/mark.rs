@@ -1,4 +1,4 @@
-//! Which study a shard belongs to: everything that could make the same task come out differently.
+//! Mark of the study that a shard belongs to: everything that could make the same task come out differently.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +20,7 @@ pub struct StudyMark {
     pub pool: Digest,
     /// Versions of meaning of the program.
     pub versions: Versions,
-    /// Who simulates, where that is another simulator than ours.
+    /// Simulator of the rollouts, where it is not ours.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub backend: Option<Header>,
 }

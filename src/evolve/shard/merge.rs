@@ -20,13 +20,13 @@ const FLUSH_EVERY: usize = 20_000;
 /// The key under which a study keeps what comes of a task.
 pub type KeyOf<'a> = dyn Fn(&Task) -> Result<Digest, RunError> + 'a;
 
-/// Where results go.
+/// Destination of results.
 pub struct Merge<'a> {
     pub study: &'a StudyMark,
     /// The folder with the shards.
     pub shards: &'a Path,
     pub store: &'a Store,
-    /// What was taken out of the run and may not come back.
+    /// Records that were taken out of the run and may not come back.
     pub withdrawn: &'a [Withdrawn],
     /// Answers of another simulator, where one is asked.
     pub cassette: Option<&'a mut RolloutCassette>,
@@ -34,7 +34,7 @@ pub struct Merge<'a> {
     pub key: Option<&'a KeyOf<'a>>,
 }
 
-/// What a merge did.
+/// Result of a merge.
 #[derive(Debug, Default)]
 pub struct Merged {
     /// Results that were read whole.
@@ -46,13 +46,13 @@ pub struct Merged {
     pub no_label: usize,
     /// Answers of another simulator that were new.
     pub answers: usize,
-    /// What models were asked on the way, by the keys of their questions.
+    /// Answers of models that were asked on the way, by the keys of their questions.
     pub asked: Vec<RecordedAnswer>,
     /// Why results were left out.
     pub refused: Vec<(PathBuf, ShardError)>,
 }
 
-/// Where a record was met first: its digest, and the number of the result; `None` is the run itself.
+/// First place at which each record was met: its digest, and the number of the result; `None` is the run itself.
 type Met = BTreeMap<(Kind, Digest), (Digest, Option<usize>)>;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

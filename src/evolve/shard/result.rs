@@ -1,7 +1,7 @@
-//! What came of a shard: JSON lines. The header names the shard and the study; then comes one line a task in the shard's
-//! order, with the record as the store keeps it; then, where another simulator was asked, its answers as lines of a rollout
-//! cassette; last a line with both counts. Of a whole lineage the result says itself which programs and tasks its records are of, and what
-//! a model was asked. A cut or altered result is known by its lines and digests.
+//! Result of a shard: JSON lines. The header names the shard and the study; then comes one line per task in the shard's order, with the
+//! record as the store keeps it; then, where another simulator was asked, its answers as lines of a rollout cassette; last a line with
+//! both counts. The result of a whole lineage says itself which programs and tasks its records are of, and what a model was asked. Lines
+//! and digests reveal a cut or altered result.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -22,7 +22,7 @@ use crate::objects::Program;
 pub const RESULT_ENDING: &str = ".result";
 const FORMAT: &str = "evodrive-shard-result";
 
-/// What came of one task.
+/// Outcome of one task.
 #[derive(Clone, Debug)]
 pub enum TaskOutcome {
     /// The record, as the store keeps it.
@@ -41,8 +41,8 @@ pub struct TaskResult {
 }
 
 impl TaskResult {
-    /// Whether an audit of this share does the task again. What came of it takes part in the draw: whoever makes a record up does
-    /// not know before whether it will be looked at.
+    /// Returns `true` if an audit of this share does the task again. The outcome takes part in the draw: whoever makes a record
+    /// up does not know before whether it will be looked at.
     pub fn is_drawn(&self, share: f64) -> Result<bool, ShardError> {
         let came = match &self.came {
             TaskOutcome::Record(record) => record.get(),
@@ -66,7 +66,7 @@ struct HeadLine {
     lineage: Option<MadeLine>,
 }
 
-/// Of a whole lineage: how many programs, tasks and answers of models follow.
+/// Head of a whole lineage: how many programs, tasks and answers of models follow.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct MadeLine {
@@ -75,12 +75,12 @@ struct MadeLine {
     asked: usize,
 }
 
-/// What was made on a lineage's way: the tasks are the result's own.
+/// Programs, tasks and answers of a lineage's work: the tasks are the result's own.
 #[derive(Clone, Debug, Default)]
 pub struct OnTheWay {
     pub programs: BTreeMap<Digest, Program>,
     pub tasks: Vec<(Digest, Task)>,
-    /// What a model was asked, by the keys of its questions.
+    /// Answers of a model that was asked, by the keys of its questions.
     pub asked: Vec<RecordedAnswer>,
 }
 
@@ -110,7 +110,7 @@ pub struct ResultFile {
     pub results: Vec<TaskResult>,
     /// Answers of another simulator; none of ours.
     pub answers: Option<RolloutCassette>,
-    /// What a model was asked on a lineage's way.
+    /// Answers of a model that was asked in a lineage's work.
     pub asked: Vec<RecordedAnswer>,
 }
 
@@ -245,7 +245,7 @@ fn answers_of(
 }
 
 impl ResultLine {
-    /// What came of a task, if this is its line and the record is about what the task is about.
+    /// Returns the outcome of a task, if this is its line and the record is about what the task is about.
     fn of(self, key: Digest, task: &Task) -> Result<TaskOutcome, Wrong> {
         if self.task != key {
             return Err((format!("the result of task {key}"), format!("one of {}", self.task)));

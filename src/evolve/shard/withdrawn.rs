@@ -14,7 +14,7 @@ use crate::store::{self, MemoKind};
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Withdrawn {
-    /// What it answered.
+    /// Kind of request that it answered.
     pub kind: MemoKind,
     pub request: Digest,
     /// Name of its bytes.

@@ -8,12 +8,12 @@ use super::helvetica;
 pub struct Scale {
     low: f64,
     high: f64,
-    /// Where numbers stand.
+    /// Numbers at which ticks stand.
     pub ticks: Vec<f64>,
 }
 
 impl Scale {
-    /// From the smallest to the largest number, widened to full ticks, about `count` of them.
+    /// Makes a scale from the smallest to the largest number, widened to full ticks, about `count` of them.
     pub fn over(values: impl IntoIterator<Item = f64>, count: usize) -> Scale {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for value in values.into_iter().filter(|value| value.is_finite()) {
@@ -32,12 +32,12 @@ impl Scale {
         Scale { low: first * step, high: last * step, ticks }
     }
 
-    /// From one number to another, with ticks at these places.
+    /// Makes a scale from one number to another, with ticks at these places.
     pub fn fixed(low: f64, high: f64, ticks: Vec<f64>) -> Scale {
         Scale { low, high, ticks }
     }
 
-    /// The same ticks with more room at both ends, as a share of the whole.
+    /// Returns the same ticks with more room at both ends, as a share of the whole.
     pub fn widened(mut self, share: f64) -> Scale {
         let room = share * (self.high - self.low);
         self.low -= room;
@@ -45,13 +45,13 @@ impl Scale {
         self
     }
 
-    /// 0 at the low end, 1 at the high end.
+    /// Returns 0 at the low end, 1 at the high end.
     fn share(&self, value: f64) -> f64 {
         (value - self.low) / (self.high - self.low)
     }
 }
 
-/// The nearest of 1, 2 and 5 times a power of ten that is not below.
+/// Returns the nearest of 1, 2 and 5 times a power of ten that is not below.
 fn round_step(least: f64) -> f64 {
     let mut power = 1e-9;
     loop {
@@ -64,7 +64,7 @@ fn round_step(least: f64) -> f64 {
     }
 }
 
-/// A tick's number with as many decimals as its scale needs.
+/// Returns a tick's number with as many decimals as its scale needs.
 pub fn tick_text(value: f64, ticks: &[f64]) -> String {
     let whole = |digits: u32| {
         let factor = f64::from(10u32.pow(digits));
@@ -87,29 +87,29 @@ const LETTERS: f64 = 7.5;
 pub struct Axes {
     /// Left, top, width, height of the plot itself, points.
     pub place: [f64; 4],
-    /// Along the bottom.
+    /// Scale along the bottom.
     pub across: Scale,
-    /// Along the left side.
+    /// Scale along the left side.
     pub up: Scale,
 }
 
 impl Axes {
-    /// Place of a number along the bottom.
+    /// Returns the place of a number along the bottom.
     pub fn x(&self, value: f64) -> f64 {
         self.place[0] + self.place[2] * self.across.share(value)
     }
 
-    /// Place of a number along the left side.
+    /// Returns the place of a number along the left side.
     pub fn y(&self, value: f64) -> f64 {
         self.place[1] + self.place[3] * (1.0 - self.up.share(value))
     }
 
-    /// Place of a pair of numbers.
+    /// Returns the place of a pair of numbers.
     pub fn at(&self, x: f64, y: f64) -> (f64, f64) {
         (self.x(x), self.y(y))
     }
 
-    /// Ticks and names of both sides in letters of a size, without a grid: for small panels over shaded fields.
+    /// Draws ticks and names of both sides in letters of a size, without a grid: for small panels over shaded fields.
     pub fn draw_small(&self, figure: &mut Figure, letters: f64, (across, up): (&str, &str)) {
         let [left, top, wide, high] = self.place;
         let line = Ink::line(GREY, 0.6);
@@ -139,7 +139,7 @@ impl Axes {
         });
     }
 
-    /// Grid, ticks and names of both sides.
+    /// Draws grid, ticks and names of both sides.
     pub fn draw(&self, figure: &mut Figure, across: &str, up: &str) {
         let [left, top, wide, high] = self.place;
         for tick in &self.up.ticks {

@@ -11,17 +11,17 @@ use crate::scene::{AgentKind, LaneKind, Scene, Track};
 const JS: &str = include_str!("assets/browse.js");
 const CSS: &str = include_str!("assets/browse.css");
 
-/// Points of lanes, and road users, that a plan view has at most.
+/// Most points of lanes, and most road users, of a plan view.
 const LANE_POINTS_MAX: usize = 320;
 const OTHERS_MAX: usize = 14;
-/// A line may be drawn so far beside where it runs, metres.
+/// Largest distance at which a line may be drawn beside its true course, metres.
 const BESIDE_M: f64 = 0.6;
-/// Half the edge of a plan view, least and most, and what it shows around the ego's path, metres.
+/// Half the edge of a plan view, least and most, and its margin around the ego's path, metres.
 const HALF_MIN_M: f64 = 35.0;
 const HALF_MAX_M: f64 = 110.0;
 const AROUND_M: f64 = 18.0;
 
-/// A scene as the page tells and draws it.
+/// A scene as the page describes and draws it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Card {
     /// The id, as commands take it.
@@ -30,19 +30,19 @@ pub struct Card {
     pub name: String,
     /// The kind of place.
     pub place: String,
-    /// Where it comes from: a format, or the family of a suite's case.
+    /// Source of the scene: a format, or the family of a suite's case.
     pub source: String,
     /// Class of the contact or threat, where one is known.
     pub class: String,
-    /// Road users beside the ego.
+    /// Number of road users beside the ego.
     pub users: usize,
-    /// Of the ego at the start, m/s.
+    /// Speed of the ego at the start, m/s.
     pub speed_mps: f64,
-    /// How long it lasts, s.
+    /// Duration of the scene, s.
     pub duration_s: f64,
     /// The command that shows it.
     pub command: String,
-    /// What is drawn.
+    /// Plan view that is drawn.
     pub plan: Plan,
 }
 
@@ -60,7 +60,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Of a scene, around the ego's way: what it drove, or where that was not recorded its route.
+    /// Returns the plan view of a scene around the ego's way: its recorded motion, or its route where no motion was recorded.
     pub fn of(scene: &Scene) -> Plan {
         let drove = way(&scene.ego.track, scene.ego.start_step);
         let moved = drove.first().zip(drove.last()).is_some_and(|(first, last)| first.distance(*last) > 2.0);
@@ -97,7 +97,7 @@ fn way(track: &Track, from: usize) -> Vec<Vec2> {
     track.samples.iter().skip(from).flatten().map(|sample| sample.position).collect()
 }
 
-/// The lanes in a frame, those nearest to its centre first, as many as there is room for.
+/// Returns the lanes in a frame, those nearest to its centre first, as many as there is room for.
 fn lanes(scene: &Scene, frame: &Frame) -> Vec<Vec<i32>> {
     let roads = scene.road.lanes.iter().filter(|lane| lane.kind != LaneKind::Other);
     let mut all: Vec<(f64, Vec<i32>)> = Vec::new();
@@ -137,26 +137,26 @@ impl Frame {
         num::rounded(10.0 * metres, 0) as i32
     }
 
-    /// A line of as few points as keep it where it runs.
+    /// Returns a line of as few points as keep its course.
     fn line(&self, points: &[Vec2]) -> Vec<i32> {
         let corner = self.centre - Vec2::new(self.half_m, self.half_m);
         simplified(points).into_iter().map(|at| at - corner).flat_map(|at| [self.dm(at.x), self.dm(at.y)]).collect()
     }
 }
 
-/// The ends of a line, and the points without which it would run elsewhere.
+/// Returns the ends of a line, and the points without which it would take another course.
 fn simplified(points: &[Vec2]) -> Vec<Vec2> {
     let beside = |a: usize, b: usize, k: usize| beside_piece(points[a], points[b], points[k]).0 / BESIDE_M;
     let needed = needed_points(points.len(), beside);
     let kept: Vec<Vec2> = points.iter().zip(needed).filter(|(_, needed)| *needed).map(|(at, _)| *at).collect();
-    // Who stands is a place and no line.
+    // A road user that stands gives a place and no line.
     match kept[..] {
         [first, last] if first.distance(last) < BESIDE_M => vec![first],
         _ => kept,
     }
 }
 
-/// The page; `note` says what it shows and what not.
+/// Returns the page; `note` says what it shows and what it leaves out.
 pub fn browse_html(cards: &[Card], title: &str, note: &str) -> String {
     let (title, note) = (escaped(title), escaped(note));
     let filter = |name: &str, id: &str| {

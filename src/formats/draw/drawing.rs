@@ -1,4 +1,4 @@
-//! A drawing: what is drawn, whether it comes from a scene, a rollout or an adversarial plan. The player reads its
+//! A drawing: the data to be drawn, from a scene, a rollout or an adversarial plan. The player reads its
 //! JSON.
 
 use serde::{Deserialize, Serialize};
@@ -13,7 +13,7 @@ pub struct Drawing {
     pub dt_s: f64,
     /// Samples of every actor.
     pub steps: usize,
-    /// The first simulated step: clocks count from it, and what was recorded before has negative times.
+    /// The first simulated step: clocks count from it, so recorded samples before it have negative times.
     #[serde(default)]
     pub start_step: usize,
     /// The current step; samples before it are history.
@@ -29,7 +29,7 @@ pub struct Drawing {
     pub crosswalks: Vec<Vec<Vec2>>,
     /// Traffic lights over time.
     pub lights: Vec<DrawnLight>,
-    /// Where stop signs stand, metres.
+    /// Places of stop signs, metres.
     pub stop_signs: Vec<Vec2>,
     /// The path that the ego is to drive; may be empty.
     pub route: Vec<Vec2>,
@@ -42,13 +42,13 @@ pub struct Drawing {
 /// A line of the road.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RoadLine {
-    /// What kind of line it is.
+    /// Kind of the line.
     pub style: LineStyle,
     /// Points, metres.
     pub points: Vec<Vec2>,
 }
 
-/// What a line of the road is, which decides how it is drawn.
+/// Kind of a line of the road, which decides how it is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LineStyle {
@@ -63,7 +63,7 @@ pub enum LineStyle {
 /// A traffic light at its stop line, one state a step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DrawnLight {
-    /// Where it is drawn, metres.
+    /// Place at which it is drawn, metres.
     pub point: Vec2,
     /// One state a step. `[steps]`
     pub states: Vec<LightState>,
@@ -74,7 +74,7 @@ pub struct DrawnLight {
 pub struct Actor {
     /// Name that a reader sees.
     pub label: String,
-    /// What it is in this drawing, which decides its colour.
+    /// Its role in this drawing, which decides its colour.
     pub role: Role,
     /// Length of the box, metres.
     pub length_m: f64,
@@ -84,7 +84,7 @@ pub struct Actor {
     pub samples: Vec<Option<[f64; 4]>>,
 }
 
-/// What somebody is in a drawing.
+/// Role of a road user in a drawing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
@@ -119,7 +119,7 @@ impl Role {
         Role::Ghost,
     ];
 
-    /// As in the legend.
+    /// Returns the name in the legend.
     pub fn label(self) -> &'static str {
         match self {
             Role::Ego => "ego",
@@ -134,19 +134,19 @@ impl Role {
     }
 }
 
-/// Where and when two actors touch.
+/// Place and time at which two actors touch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
     /// Step of the scene.
     pub step: usize,
-    /// Where they touch, metres.
+    /// Point at which they touch, metres.
     pub point: Vec2,
     /// Such as `ego hit by v12 at 6.3 m/s`.
     pub label: String,
 }
 
 impl Actor {
-    /// A recorded motion in a role.
+    /// Makes an actor of a recorded motion in a role.
     pub fn of_track(track: &Track, label: impl Into<String>, role: Role) -> Actor {
         Actor {
             label: label.into(),
@@ -158,7 +158,7 @@ impl Actor {
     }
 }
 
-/// Rounded to centimetres and hundredths: finer than any screen, and pages stay small.
+/// Returns numbers rounded to centimetres and hundredths: finer than any screen, and pages stay small.
 fn drawn(sample: &Sample) -> [f64; 4] {
     let p = sample.position;
     [
@@ -174,7 +174,7 @@ fn drawn_line(points: &[Vec2]) -> Vec<Vec2> {
 }
 
 impl Drawing {
-    /// A scene's road alone: a caller adds its own actors.
+    /// Makes a drawing of a scene's road alone: a caller adds its own actors.
     pub fn of_road(scene: &Scene) -> Drawing {
         let mut lines: Vec<RoadLine> = Vec::new();
         let mut add = |style, points: &[Vec2]| lines.push(RoadLine { style, points: drawn_line(points) });
@@ -215,7 +215,7 @@ impl Drawing {
         }
     }
 
-    /// A scene as it was recorded. The ego comes last, so that it is drawn on top.
+    /// Makes a drawing of a scene as it was recorded. The ego comes last, so that it is drawn on top.
     pub fn of_scene(scene: &Scene) -> Drawing {
         let mut drawing = Drawing::of_road(scene);
         for (ix, track) in scene.tracks.iter().enumerate() {
@@ -226,18 +226,18 @@ impl Drawing {
         drawing
     }
 
-    /// What a clock shows at a step, s: the one that contacts, time lines and results have.
+    /// Returns the clock's time at a step, s: the same time as in contacts, time lines and results.
     pub fn clock_s(&self, step: usize) -> f64 {
         (step as f64 - self.start_step as f64) * self.dt_s
     }
 
-    /// The roles that occur, in the order of the legend.
+    /// Returns the roles that occur, in the order of the legend.
     pub fn roles(&self) -> Vec<Role> {
         Role::ALL.into_iter().filter(|role| self.actors.iter().any(|a| a.role == *role)).collect()
     }
 }
 
-/// The role of a recorded road user; `marked` says that it is an object of interest.
+/// Returns the role of a recorded road user; `marked` is true for an object of interest.
 pub fn role_of(track: &Track, marked: bool) -> Role {
     match track.kind {
         _ if marked => Role::Interacting,

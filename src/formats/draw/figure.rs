@@ -1,4 +1,4 @@
-//! A figure of plain shapes and text, written as SVG here and as PDF beside: both from one list, so they show the same. A plotting
+//! A figure of plain shapes and text, written as SVG here and as PDF in `figure_pdf`: both from one list, so they show the same. A plotting
 //! library would bring its own fonts and layout, which differ by version and machine; five shapes need neither, and equal figures are
 //! equal bytes.
 
@@ -10,7 +10,7 @@ use super::player::escaped;
 /// A colour as red, green, blue.
 pub type Rgb = [u8; 3];
 
-// Okabe and Ito's palette: told apart with any colour vision, and as greys of different lightness in print.
+// Okabe and Ito's palette: distinct for any colour vision, and as greys of different lightness in print.
 /// `#000000`
 pub const BLACK: Rgb = [0, 0, 0];
 /// `#0072b2`
@@ -27,7 +27,7 @@ pub const VERMILION: Rgb = [213, 94, 0];
 pub const PURPLE: Rgb = [204, 121, 167];
 /// `#f0e442`
 pub const YELLOW: Rgb = [240, 228, 66];
-/// For what stands behind.
+/// For things in the background.
 pub const GREY: Rgb = [120, 126, 134];
 /// For grids and fields.
 pub const LIGHT: Rgb = [222, 226, 231];
@@ -37,37 +37,37 @@ pub const WHITE: Rgb = [255, 255, 255];
 /// How a shape is painted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ink {
-    /// Inside; `None` leaves it open.
+    /// Colour of the inside; `None` leaves it open.
     pub fill: Option<Rgb>,
-    /// Its line and that line's width; `None` draws none.
+    /// Colour and width of its line; `None` draws none.
     pub stroke: Option<(Rgb, f64)>,
-    /// Whether the line is dashed.
+    /// True if the line is dashed.
     pub dashed: bool,
 }
 
 impl Ink {
-    /// Filled, without a line.
+    /// Makes an ink that fills, without a line.
     pub fn fill(colour: Rgb) -> Ink {
         Ink { fill: Some(colour), ..Ink::default() }
     }
 
-    /// A line of a width.
+    /// Makes an ink for a line of a width.
     pub fn line(colour: Rgb, width: f64) -> Ink {
         Ink { stroke: Some((colour, width)), ..Ink::default() }
     }
 
-    /// The same with a line around it.
+    /// Returns the same with a line around it.
     pub fn edged(self, colour: Rgb, width: f64) -> Ink {
         Ink { stroke: Some((colour, width)), ..self }
     }
 
-    /// The same, dashed.
+    /// Returns the same, dashed.
     pub fn dashed(self) -> Ink {
         Ink { dashed: true, ..self }
     }
 }
 
-/// Which point of a text stands at its place.
+/// The point of a text that lies at its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     /// Its beginning.
@@ -78,7 +78,7 @@ pub enum Anchor {
     End,
 }
 
-/// Forms that are told apart without colour.
+/// Forms that can be distinguished without colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     /// A disc.
@@ -96,19 +96,19 @@ pub enum Mark {
 /// A line of text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Words {
-    /// Where: x to the right, y downwards, the baseline.
+    /// Place of the text: x to the right, y downwards, the baseline.
     pub at: (f64, f64),
     /// Size of the letters.
     pub size: f64,
-    /// Which point stands there.
+    /// Point of the text that lies there.
     pub anchor: Anchor,
     /// Bold letters.
     pub bold: bool,
     /// Its colour.
     pub colour: Rgb,
-    /// Whether it is read upwards.
+    /// True if it is read upwards.
     pub upwards: bool,
-    /// What it says.
+    /// The text itself.
     pub text: String,
 }
 
@@ -123,45 +123,45 @@ pub enum Shape {
     Disc((f64, f64), f64, Ink),
     /// A line of text.
     Text(Words),
-    /// Shapes of which only what lies within a rectangle (left, top, width, height) is seen.
+    /// Shapes of which only the part within a rectangle (left, top, width, height) is seen.
     Within([f64; 4], Vec<Shape>),
 }
 
 /// A figure: its size in points of print (1/72 inch), and its shapes, the later ones on top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figure {
-    /// Points.
+    /// Width, points.
     pub width: f64,
-    /// Points.
+    /// Height, points.
     pub height: f64,
-    /// What readers of the file are told that it is.
+    /// Title for readers of the file.
     pub title: String,
-    /// In the order in which they are painted.
+    /// Shapes in the order in which they are painted.
     pub shapes: Vec<Shape>,
 }
 
 impl Figure {
-    /// An empty sheet.
+    /// Makes an empty sheet.
     pub fn new(width: f64, height: f64, title: impl Into<String>) -> Figure {
         Figure { width, height, title: title.into(), shapes: Vec::new() }
     }
 
-    /// A rectangle by its upper left corner, width and height.
+    /// Adds a rectangle by its upper left corner, width and height.
     pub fn rect(&mut self, at: [f64; 4], ink: Ink) {
         self.shapes.push(Shape::Rect(at, ink));
     }
 
-    /// A line between two points.
+    /// Adds a line between two points.
     pub fn line(&mut self, from: (f64, f64), to: (f64, f64), ink: Ink) {
         self.path(vec![from, to], ink);
     }
 
-    /// Points joined by lines.
+    /// Adds points joined by lines.
     pub fn path(&mut self, points: Vec<(f64, f64)>, ink: Ink) {
         self.shapes.push(Shape::Path(points, ink));
     }
 
-    /// A mark around a point, `r` its half size.
+    /// Adds a mark around a point, `r` its half size.
     pub fn mark(&mut self, mark: Mark, (x, y): (f64, f64), r: f64, ink: Ink) {
         let closed = |points: [(f64, f64); 4]| points.map(|(dx, dy)| (x + r * dx, y + r * dy)).to_vec();
         match mark {
@@ -179,29 +179,29 @@ impl Figure {
         }
     }
 
-    /// A line of black text.
+    /// Adds a line of black text.
     pub fn text(&mut self, at: (f64, f64), size: f64, anchor: Anchor, text: impl Into<String>) {
         self.words(Words { at, size, anchor, bold: false, colour: BLACK, upwards: false, text: text.into() });
     }
 
-    /// The same in bold.
+    /// Adds a line of black text in bold.
     pub fn heading(&mut self, at: (f64, f64), size: f64, text: impl Into<String>) {
         let (anchor, colour) = (Anchor::Start, BLACK);
         self.words(Words { at, size, anchor, bold: true, colour, upwards: false, text: text.into() });
     }
 
-    /// A line of text in all its ways.
+    /// Adds a line of text with all its options.
     pub fn words(&mut self, words: Words) {
         self.shapes.push(Shape::Text(words));
     }
 
-    /// The figure as a stand-alone SVG document.
+    /// Returns the figure as a stand-alone SVG document.
     pub fn svg(&self) -> String {
         self.written(false)
     }
 
-    /// The same for a page of whose reader nobody knows the fonts: each line of text is as wide as it was measured, in whatever font it is
-    /// shown, so none runs out of the figure or into another.
+    /// Does the same for a page whose reader's fonts are unknown: each line of text is as wide as it was measured, in any font, so none
+    /// runs out of the figure or into another.
     pub fn svg_in_any_font(&self) -> String {
         self.written(true)
     }
@@ -260,7 +260,7 @@ fn svg_text(out: &mut String, words: &Words, fitted: bool) {
     };
     let bold = if words.bold { " font-weight=\"bold\"" } else { "" };
     let turned = if words.upwards { format!(" transform=\"rotate(-90 {x} {y})\"") } else { String::new() };
-    // Of bold letters no widths are known.
+    // The widths of bold letters are not known.
     let length = if fitted && !words.bold && !words.text.is_empty() {
         format!(" textLength=\"{}\" lengthAdjust=\"spacingAndGlyphs\"", number(width(&words.text, words.size).round()))
     } else {
@@ -289,7 +289,7 @@ fn hex([r, g, b]: Rgb) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// With two decimals at most, a hundredth of a point; never `-0`.
+/// Writes a number with two decimals at most, a hundredth of a point; never `-0`.
 fn number(value: f64) -> String {
     let text = format!("{value:.2}");
     let text = text.trim_end_matches('0').trim_end_matches('.');

@@ -20,7 +20,7 @@ pub struct PdfError {
     letter: char,
 }
 
-/// The figure as a PDF document of one page.
+/// Returns the figure as a PDF document of one page.
 ///
 /// # Errors
 /// A letter that the font lacks: a question mark in its place would be a wrong figure.
@@ -35,7 +35,7 @@ pub fn pdf(figure: &Figure) -> Result<Vec<u8>, PdfError> {
     Ok(document((figure.width, figure.height), &figure.title, &drawn.finish().into_vec(), weights))
 }
 
-/// The first line of text with a letter that the font lacks.
+/// Returns the first line of text with a letter that the font lacks, and the letter.
 fn unmapped(shapes: &[Shape]) -> Option<(String, char)> {
     shapes.iter().find_map(|shape| match shape {
         Shape::Text(words) => {
@@ -46,7 +46,7 @@ fn unmapped(shapes: &[Shape]) -> Option<(String, char)> {
     })
 }
 
-/// Words that somebody else chose, such as a model's, with a blank for each letter that the font lacks: of them no figure may depend.
+/// Returns words from an outside source, such as a model, with a blank for each letter that the font lacks: no figure may depend on them.
 pub fn in_font(words: &str) -> String {
     words.chars().map(|c| if code(c).is_some() { c } else { ' ' }).collect()
 }
@@ -54,14 +54,14 @@ pub fn in_font(words: &str) -> String {
 /// Names of the plain and the bold font in the page's content.
 const NAMES: [Name<'static>; 2] = [Name(b"F1"), Name(b"F2")];
 
-/// A page of this size with what is drawn on it, and the fonts that it has words in.
+/// Writes a page of this size with its drawing, and the fonts of its words.
 fn document((width, height): (f64, f64), title: &str, drawn: &[u8], weights: [bool; 2]) -> Vec<u8> {
     let [catalog, pages, page, content, info] = [1, 2, 3, 4, 5].map(Ref::new);
-    // Three objects a font: itself, what readers must know of it, its file.
+    // Three objects a font: the font, its description for readers, its file.
     let places = [6, 9].map(|first| [first, first + 1, first + 2].map(Ref::new));
     let used: Vec<_> = [(&REGULAR, 0), (&BOLD, 1)].into_iter().filter(|(_, at)| weights[*at]).collect();
     let mut out = Pdf::new();
-    // What LaTeX writes: it warns of a newer one.
+    // The version that LaTeX writes: it warns of a newer one.
     out.set_version(1, 5);
     out.catalog(catalog).pages(pages);
     out.pages(pages).kids([page]).count(1);
@@ -83,7 +83,7 @@ fn document((width, height): (f64, f64), title: &str, drawn: &[u8], weights: [bo
     out.finish()
 }
 
-/// The font with its file: publishers take no document that leans on the reader's fonts.
+/// Embeds the font with its file: publishers take no document that depends on the reader's fonts.
 fn embed(out: &mut Pdf, font: &Font, [own, descriptor, file]: [Ref; 3]) {
     let mut dict = out.indirect(own).dict();
     dict.pair(Name(b"Type"), Name(b"Font")).pair(Name(b"Subtype"), Name(b"TrueType"));
@@ -101,7 +101,7 @@ fn embed(out: &mut Pdf, font: &Font, [own, descriptor, file]: [Ref; 3]) {
     stream.pair(Name(b"Length1"), font.file.len() as i32);
 }
 
-/// Whether words of this weight stand among the shapes.
+/// Returns `true` if words of this weight are among the shapes.
 fn has_words(shapes: &[Shape], bold: bool) -> bool {
     shapes.iter().any(|shape| match shape {
         Shape::Text(words) => words.bold == bold,
@@ -199,17 +199,17 @@ fn text(out: &mut Content, words: &Words, y: f64) {
     out.set_text_matrix(matrix).show(Str(&latin(&words.text))).end_text();
 }
 
-/// In the font's encoding.
+/// Encodes a text in the font's encoding.
 fn latin(text: &str) -> Vec<u8> {
     text.chars().filter_map(code).collect()
 }
 
-/// How wide a line of text is drawn, thousandths of its size.
+/// Returns the drawn width of a line of text, thousandths of its size.
 fn thousandths(font: &Font, text: &str) -> f64 {
     latin(text).iter().map(|code| f64::from(font.widths[usize::from(*code) - 32])).sum()
 }
 
-/// The code of a letter; `None` where the font has none.
+/// Returns the code of a letter; `None` where the font has none.
 fn code(c: char) -> Option<u8> {
     match c {
         '\u{2013}' => Some(0x96),
@@ -225,7 +225,7 @@ fn unit(colour: Rgb) -> [f32; 3] {
     colour.map(|part| short(f64::from(part) / 255.0))
 }
 
-/// With three decimals at most, so that a file holds no digits that nobody sees.
+/// Rounds to three decimals at most, so that a file holds no invisible digits.
 fn short(value: f64) -> f32 {
     ((value * 1000.0).round() / 1000.0) as f32
 }
@@ -257,7 +257,7 @@ mod tests {
         let clip = text.find("40 35 20 10 re").unwrap();
         assert!(text[clip..].starts_with("40 35 20 10 re\nW\nn") && text[clip..].contains("90 41 l"), "{text}");
     }
-    /// What stands between two words of a document.
+    /// Returns the text between two words of a document.
     fn between<'t>(text: &'t str, from: &str, to: &str) -> &'t str {
         text.split_once(from).and_then(|(_, rest)| rest.split_once(to)).map_or("", |(found, _)| found).trim()
     }
@@ -293,7 +293,7 @@ mod tests {
             let laid_out = helvetica::width(&char::from(code).to_string(), 1000.0);
             assert_eq!(f64::from(REGULAR.widths[usize::from(code) - 32]), laid_out, "{}", char::from(code));
         }
-        // Every letter that the encoding can say is drawn.
+        // Every letter that the encoding has is drawn.
         let codes = (32..127).chain(160..256).chain([0x96]);
         assert!(codes.into_iter().all(|code: usize| REGULAR.widths[code - 32] > 0 && BOLD.widths[code - 32] > 0));
     }

@@ -1,5 +1,5 @@
-//! A scene or rollout as a film: the picture of every step as pixels, and these as an animated GIF. Nothing of the machine takes
-//! part, no installed font either, so the same drawing and options give the same bytes.
+//! A scene or rollout as a film: the picture of every step as pixels, and these as an animated GIF. Nothing depends on the
+//! machine, not even on its installed fonts, so the same drawing and options give the same bytes.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -22,7 +22,7 @@ pub struct FilmOptions {
     pub frame: Frame,
     /// Steps of the scene, one a picture.
     pub steps: Vec<usize>,
-    /// Stands above the pictures; may be empty.
+    /// Title above the pictures; may be empty.
     pub title: String,
 }
 
@@ -58,13 +58,13 @@ pub enum FilmError {
 
 const WEIGHT: FontWeight = FontWeight::Regular;
 const LETTER: RasterHeight = RasterHeight::Size16;
-/// Height of a line of words, pixels, and what lies around the head's lines.
+/// Height of a line of words, pixels, and the margin around the head's lines.
 const LINE_PX: usize = 18;
 const EDGE_PX: usize = 6;
-/// Lines of the title at most: a sentence on how a rollout ended fits a narrow film.
+/// Most lines of the title: a sentence on how a rollout ended fits a narrow film.
 const TITLE_LINES: usize = 4;
 
-/// The pictures, made side by side.
+/// Makes the pictures, in parallel.
 pub fn film(drawing: &Drawing, options: &FilmOptions, threads: &Threads) -> Result<Film, FilmError> {
     let panel = SvgOptions {
         width_px: options.width_px,
@@ -90,13 +90,13 @@ fn even(pixels: f64) -> usize {
     2 * (0.5 * pixels).ceil() as usize
 }
 
-/// What all pictures of a film share.
+/// Data that all pictures of a film share.
 struct Sheet<'a> {
     drawing: &'a Drawing,
     panel: &'a SvgOptions,
     view: &'a View,
     title: &'a [String],
-    /// Who is seen in any picture.
+    /// Roles that are seen in any picture.
     roles: &'a [Role],
     /// Height of the head, pixels.
     head: usize,
@@ -114,7 +114,7 @@ impl Sheet<'_> {
         let tree = resvg::usvg::Tree::from_str(&text, &resvg::usvg::Options::default())
             .map_err(|error| FilmError::Unreadable(error.to_string()))?;
         resvg::render(&tree, resvg::tiny_skia::Transform::identity(), &mut pixels.as_mut());
-        // The ground is opaque, so what is drawn upon it is too.
+        // The ground is opaque, so the pixels are, too.
         let rgb = pixels.data().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
         let mut sheet = Written { rgb, width, height };
         let palette = panel.theme.palette();
@@ -137,7 +137,7 @@ impl Sheet<'_> {
         Ok(sheet.rgb)
     }
 
-    /// The picture but for its words.
+    /// Returns the picture without its words.
     fn document(&self, step: usize) -> String {
         let Sheet { drawing, view, panel, width, height, head, .. } = *self;
         let colours = panel.theme.palette();
@@ -160,7 +160,7 @@ impl Sheet<'_> {
         out
     }
 
-    /// Where the roles that occur are explained, behind the clock; those that fit.
+    /// Returns the columns and roles of the legend behind the clock, as many of the roles that occur as fit.
     fn key(&self) -> Vec<(usize, Role)> {
         let letter = get_raster_width(WEIGHT, LETTER);
         let mut x = EDGE_PX + letter * (clock(self.drawing, self.drawing.steps).chars().count() + 2);
@@ -176,7 +176,7 @@ impl Sheet<'_> {
     }
 }
 
-/// From a colour of the key to its word, pixels.
+/// Distance from a colour of the key to its word, pixels.
 const SWATCH_PX: usize = 22;
 
 fn clock(drawing: &Drawing, step: usize) -> String {
@@ -191,7 +191,7 @@ struct Written {
 }
 
 impl Written {
-    /// Mixes a colour into a pixel; what lies outside is left out.
+    /// Mixes a colour into a pixel; a place outside is ignored.
     fn mix(&mut self, x: usize, y: usize, with: [u8; 3], share: u32) {
         if x < self.width && y < self.height {
             let at = 3 * (y * self.width + x);
@@ -201,7 +201,7 @@ impl Written {
         }
     }
 
-    /// One line of words from its upper left corner on. A letter that the font lacks is a question mark.
+    /// Writes one line of words from its upper left corner on. A letter that the font lacks becomes a question mark.
     fn write(&mut self, (x, y): (usize, usize), words: &str, ink: [u8; 3]) {
         let letter = get_raster_width(WEIGHT, LETTER);
         for (k, c) in words.chars().enumerate() {
@@ -227,13 +227,13 @@ impl Written {
     }
 }
 
-/// `#rrggbb` as bytes.
+/// Returns `#rrggbb` as bytes.
 fn rgb_of(text: &str) -> [u8; 3] {
     let byte = |k: usize| text.get(1 + 2 * k..3 + 2 * k).and_then(|two| u8::from_str_radix(two, 16).ok()).unwrap_or(0);
     [byte(0), byte(1), byte(2)]
 }
 
-/// Lines of at most so many letters, at most two; what does not fit is cut.
+/// Returns at most two lines of at most so many letters; the rest is cut.
 fn wrapped(text: &str, letters: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -249,7 +249,7 @@ fn wrapped(text: &str, letters: usize) -> Vec<String> {
 /// Colours of a GIF.
 const COLOURS: usize = 256;
 
-/// An animated GIF that repeats for ever. A picture is shown for `delay_cs` hundredths of a second, the last for `last_cs`.
+/// Makes an animated GIF that repeats for ever. A picture is shown for `delay_cs` hundredths of a second, the last for `last_cs`.
 pub fn gif(film: &Film, delay_cs: u16, last_cs: u16) -> Result<Vec<u8>, FilmError> {
     let Film { width, height, ref pictures } = *film;
     let size = || FilmError::Size { width, height };
@@ -283,7 +283,7 @@ pub fn gif(film: &Film, delay_cs: u16, last_cs: u16) -> Result<Vec<u8>, FilmErro
     Ok(bytes)
 }
 
-/// Left, top, width and height of what differs between two pictures, at least one pixel; the whole without one before.
+/// Returns left, top, width and height of the difference between two pictures, at least one pixel; the whole without an earlier one.
 fn changed(before: Option<&[u8]>, now: &[u8], width: usize) -> (usize, usize, usize, usize) {
     let Some(before) = before else { return (0, 0, width, now.len() / width.max(1)) };
     let (mut low, mut high) = ((usize::MAX, usize::MAX), (0, 0));
@@ -297,7 +297,7 @@ fn changed(before: Option<&[u8]>, now: &[u8], width: usize) -> (usize, usize, us
     }
 }
 
-/// The colours that occur most, and for every other the one nearest to it.
+/// The most frequent colours, and for every other colour the nearest of them.
 struct Nearest {
     table: Vec<[u8; 3]>,
     known: BTreeMap<[u8; 3], u8>,

@@ -1,4 +1,4 @@
-//! Many scenes on one sheet, a panel each: a rollout in one frame, with where ego and adversaries were before as outlines.
+//! Many scenes on one sheet, a panel each: a rollout in one frame, with earlier places of ego and adversaries as outlines.
 
 use super::drawing::{Actor, Drawing, Role};
 use super::figure::{Anchor, Figure, GREY, Ink, Mark, Words};
@@ -15,16 +15,16 @@ pub struct GridOptions {
     pub panel_pt: f64,
     /// Margin around ego and adversaries, metres.
     pub around_m: f64,
-    /// Stands below the panels; may be empty.
+    /// Title below the panels; may be empty.
     pub title: String,
 }
 
 /// A scene of the grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cell {
-    /// Which scene it is.
+    /// Name of the scene.
     pub name: String,
-    /// How it ends.
+    /// Its end, in words.
     pub caption: String,
     /// Its road, and everybody's motion up to the end.
     pub drawing: Drawing,
@@ -37,13 +37,13 @@ const HIGH: f64 = 0.62;
 const LINES_PT: f64 = 22.0;
 /// Head of the sheet, with the roles.
 const HEAD_PT: f64 = 16.0;
-/// Seconds from one outline to the next, and the most of them: further back they cover the road and say little.
+/// Seconds from one outline to the next, and the most outlines: earlier ones cover the road and add little.
 const GHOST_S: f64 = 0.5;
 const GHOSTS_MAX: usize = 6;
-/// Width of what a panel shows, metres.
+/// Least and largest width of the part of the world in a panel, metres.
 const WIDTH_M: (f64, f64) = (30.0, 120.0);
 
-/// The grid as a sheet of shapes. The same cells and options give the same sheet.
+/// Returns the grid as a sheet of shapes. The same cells and options give the same sheet.
 pub fn grid(cells: &[Cell], options: &GridOptions) -> Figure {
     let columns = options.columns.clamp(1, cells.len().max(1));
     let (wide, high) = (options.panel_pt, options.panel_pt * HIGH);
@@ -80,7 +80,7 @@ pub fn grid(cells: &[Cell], options: &GridOptions) -> Figure {
     sheet
 }
 
-/// The roles that occur, in the colours of the panels.
+/// Draws the roles that occur, in the colours of the panels.
 fn key(sheet: &mut Figure, cells: &[Cell]) {
     let occurs = |role: Role| cells.iter().any(|cell| cell.drawing.actors.iter().any(|actor| actor.role == role));
     let named = [Role::Ego, Role::Adversary, Role::Cyclist, Role::Pedestrian, Role::Traffic];
@@ -92,20 +92,20 @@ fn key(sheet: &mut Figure, cells: &[Cell]) {
     }
 }
 
-/// The contact, or the end.
+/// Returns the step of the contact, or of the end.
 fn moment(drawing: &Drawing) -> usize {
     let last = drawing.steps.saturating_sub(1);
     drawing.contact.as_ref().map_or(last, |contact| contact.step.min(last))
 }
 
-/// Steps before the moment whose outlines are drawn, the latest first.
+/// Returns the steps before the moment whose outlines are drawn, the latest first.
 fn ghosts(drawing: &Drawing, moment: usize) -> Vec<usize> {
     let apart = ((GHOST_S / drawing.dt_s.max(1e-3)).round() as usize).max(1);
     let back = (1..=GHOSTS_MAX).map_while(|nth| moment.checked_sub(nth * apart));
     back.take_while(|step| *step >= drawing.current_step).collect()
 }
 
-/// What the panel shows: ego and adversaries now and at their outlines, the ego's place in the middle of all.
+/// Returns middle and width of the panel: ego and adversaries now and at their outlines, the ego's place in the middle of all.
 fn frame(drawing: &Drawing, (moment, ghosts): (usize, &[usize]), around_m: f64) -> (Vec2, f64) {
     let leading = drawing.actors.iter().filter(|actor| matches!(actor.role, Role::Ego | Role::Adversary));
     let places: Vec<Vec2> =

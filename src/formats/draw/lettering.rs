@@ -1,14 +1,14 @@
-//! Where words of a picture stand: inside of it, beside what they name, and never upon each other or upon the contact.
+//! Places for the words of a picture: inside it, beside the thing that they name, and never upon each other or upon the contact.
 
-/// Words that want a place.
+/// Words that need a place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wanted {
-    /// What they name, pixels.
+    /// Place of the thing that they name, pixels.
     pub at: (f64, f64),
-    /// How far it reaches around that place, pixels.
+    /// Extent of the thing around that place, pixels.
     pub reach_px: f64,
     pub text: String,
-    /// Those of the main road users and of the contact are shown in any case, at the cost of others.
+    /// True for the main road users and the contact: these words are always shown, at the cost of others.
     pub needed: bool,
 }
 
@@ -35,11 +35,11 @@ fn overlap(a: &Area, b: &Area) -> f64 {
     side(0) * side(1)
 }
 
-/// Rings of places around what is named, the nearest first.
+/// Number of rings of places around the named thing, the nearest first.
 const RINGS: usize = 5;
 
-/// Places the words in their order. Words that are not needed are left out where no place is free; needed ones then stand where they cover
-/// least. `kept_free` are places that words keep out of.
+/// Places the words in their order. Words that are not needed are left out where no place is free; needed ones then go where they cover
+/// least. `kept_free` are areas that words avoid.
 pub fn placed(wanted: &[Wanted], size: (f64, f64), letters: Letters, kept_free: &[Area]) -> Vec<Label> {
     let mut taken: Vec<Area> = kept_free.to_vec();
     taken.extend(wanted.iter().filter(|of| of.needed).map(|of| square(of.at, of.reach_px)));
@@ -62,7 +62,7 @@ fn square((x, y): (f64, f64), reach: f64) -> Area {
     [x - reach, y - reach, x + reach, y + reach]
 }
 
-/// Places around, pushed into the picture, none of which covers what is named unless the picture is too small for any other.
+/// Returns places around it, pushed into the picture. None covers the named thing unless the picture is too small for any other.
 fn areas(of: &Wanted, (wide, high): (f64, f64), size: (f64, f64)) -> Vec<Area> {
     let (x, y) = of.at;
     let mut areas = Vec::new();

@@ -5,19 +5,19 @@ use super::figure::{BLACK, BLUE, Figure, GREEN, Ink, Mark, ORANGE, PURPLE, Rgb, 
 use super::svg::windscreen;
 use crate::kernel::{OrientedBox, Vec2};
 
-/// Beside the road.
+/// Colour beside the road.
 const GROUND: Rgb = [240, 242, 238];
 const VERGE: Rgb = [226, 229, 228];
 const SURFACE: Rgb = [207, 212, 218];
 const EDGE: Rgb = [110, 118, 128];
 const TRAFFIC: Rgb = [128, 136, 146];
 
-/// Which part of a drawing is shown, and where on the sheet.
+/// The part of a drawing that is shown, and its place on the sheet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
     /// Left, top, width, height, points.
     pub place: [f64; 4],
-    /// What lies in its middle, metres.
+    /// Point in its middle, metres.
     pub middle: Vec2,
     /// Metres from its left to its right side.
     pub width_m: f64,
@@ -38,7 +38,7 @@ impl Panel {
         (x + 0.5 * w + away.x * self.scale(), y + 0.5 * h - away.y * self.scale())
     }
 
-    /// Whether the rectangle around these points reaches into the panel.
+    /// Returns `true` if the rectangle around these points reaches into the panel.
     fn shows(&self, points: &[Vec2]) -> bool {
         let half = Vec2::new(0.5 * self.width_m, 0.5 * self.place[3] / self.scale());
         let spans = |of: fn(&Vec2) -> f64, middle: f64, half: f64| {
@@ -58,7 +58,7 @@ impl Panel {
     }
 }
 
-/// Puts the moment on the sheet: road, everyone's box, the ways of ego and adversaries so far, and a cross where they touch.
+/// Draws the moment on the sheet: road, everyone's box, the ways of ego and adversaries so far, and a cross where they touch.
 pub fn panel(figure: &mut Figure, drawing: &Drawing, panel: &Panel) {
     let mut shapes = vec![Shape::Rect(panel.place, Ink::fill(GROUND))];
     for (surfaces, colour) in [(&drawing.verges, VERGE), (&drawing.surfaces, SURFACE)] {
@@ -94,7 +94,7 @@ pub fn panel(figure: &mut Figure, drawing: &Drawing, panel: &Panel) {
     figure.rect(panel.place, Ink::line(EDGE, 0.4));
 }
 
-/// The roles of those who stand in the panel, in the order of the legend.
+/// Returns the roles of the road users in the panel, in the order of the legend.
 pub fn roles_in(drawing: &Drawing, panel: &Panel) -> Vec<Role> {
     let seen = |actor: &Actor| shape(actor, panel.step).is_some_and(|shape| panel.shows(&shape.corners()));
     Role::ALL.into_iter().filter(|role| drawing.actors.iter().any(|of| of.role == *role && seen(of))).collect()
@@ -113,7 +113,7 @@ fn outline(panel: &Panel, actor: &Actor, step: usize) -> Option<Shape> {
 /// The shortest box that has a windscreen, metres: people on foot have none.
 const WITH_A_WINDSCREEN_M: f64 = 1.4;
 
-/// Somebody's box, with a pane that says which way it heads.
+/// Returns the shapes of a road user's box, with a pane that shows its heading.
 fn boxed(panel: &Panel, actor: &Actor) -> Vec<Shape> {
     let Some(shape) = shape(actor, panel.step).filter(|shape| panel.shows(&shape.corners())) else { return Vec::new() };
     let corners = shape.corners();
@@ -127,7 +127,7 @@ fn boxed(panel: &Panel, actor: &Actor) -> Vec<Shape> {
     shapes
 }
 
-/// Of the Okabe and Ito palette where somebody matters.
+/// Returns the colour of a role: from the Okabe and Ito palette for the main roles.
 pub fn colour(role: Role) -> Rgb {
     match role {
         Role::Ego => BLUE,

@@ -22,16 +22,16 @@ pub struct StripOptions {
     pub frame: Frame,
     /// Steps of the scene, one a panel.
     pub steps: Vec<usize>,
-    /// Stands below the panels; may be empty.
+    /// Title below the panels; may be empty.
     pub title: String,
 }
 
-/// Between panels, and below them for the title and the key of colours, pixels.
+/// Room between panels, and below them for the title and the key of colours, pixels.
 const GAP_PX: f64 = 8.0;
 const CAPTION_PX: f64 = 22.0;
 const FOOT_PX: f64 = 44.0;
 
-/// `count` steps from `first` to `last`, both among them, as even as steps can be; fewer where there are not so many.
+/// Returns `count` steps from `first` to `last`, both among them, as even as possible; fewer where there are not so many.
 pub fn even_steps(first: usize, last: usize, count: usize) -> Vec<usize> {
     let (count, span) = (count.max(1), last.saturating_sub(first));
     let mut steps: Vec<usize> = (0..count)
@@ -41,16 +41,16 @@ pub fn even_steps(first: usize, last: usize, count: usize) -> Vec<usize> {
     steps
 }
 
-/// The last panels show the contact closely: so many, this wide and what is around who comes to it, metres.
+/// The last panels show the contact closely: their number, their width and the margin around its two road users, metres.
 const CLOSE_PANELS: usize = 2;
 const CLOSE_M: (f64, f64) = (36.0, 90.0);
 const CLOSE_AROUND_M: f64 = 8.0;
 
-/// Around the ways of ego and striker in the first panels, and their least width, wider than the close ones, metres.
+/// Margin around the ways of ego and striker in the first panels, and their least width, wider than the close ones, metres.
 const AROUND_WAYS_M: f64 = 10.0;
 const WAYS_M: f64 = 54.0;
 
-/// Who meets the ego: whoever else is nearest to the contact when it happens.
+/// Returns the road user that meets the ego: the one nearest to the contact when it happens.
 fn striker<'d>(drawing: &'d Drawing, contact: &Contact) -> Option<&'d Actor> {
     let away = |actor: &Actor| {
         let [x, y, ..] = (*actor.samples.get(contact.step)?)?;
@@ -61,7 +61,7 @@ fn striker<'d>(drawing: &'d Drawing, contact: &Contact) -> Option<&'d Actor> {
     placed.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, actor)| actor)
 }
 
-/// The part of the world in which ego and striker move until they meet: others far away would make both too small to see.
+/// Returns the part of the world in which ego and striker move until they meet: road users far away would make both too small to see.
 fn meeting(drawing: &Drawing, steps: &[usize], contact: &Contact, whole: &View) -> View {
     let first = steps.first().copied().unwrap_or(0);
     let egos = drawing.actors.iter().filter(|actor| actor.role == Role::Ego);
@@ -75,8 +75,8 @@ fn meeting(drawing: &Drawing, steps: &[usize], contact: &Contact, whole: &View) 
     whole.zoomed(low.lerp(high, 0.5), wide.max(WAYS_M).min(whole.width_m()))
 }
 
-/// What the panel at a place of the strip shows. Where there is a contact: the last ones it, with ego and adversaries, and those before them
-/// the ways of both who meet.
+/// Returns the view of the panel at an index of the strip. If there is a contact, the last panels show it, with ego and adversaries, and
+/// the earlier ones show the ways of the two that meet.
 fn view_of(drawing: &Drawing, options: &StripOptions, whole: &View, place: usize) -> View {
     let close = options.steps.len() > CLOSE_PANELS && place + CLOSE_PANELS >= options.steps.len();
     let Some(contact) = drawing.contact.as_ref() else {
@@ -102,8 +102,8 @@ const LETTERS_PT: f64 = 7.5;
 const GAP_PT: f64 = 5.0;
 const CAPTION_PT: f64 = 12.0;
 
-/// The strips as a sheet of shapes, for PDF: `panel_px` are points there, and it has light colours. Several stand below each other, each
-/// under its line, as [`strips`] has them.
+/// Returns the strips as a sheet of shapes, for PDF: `panel_px` are points there, and it has light colours. Several strips lie below each
+/// other, each under its line, as in [`strips`].
 pub fn strip_figure(rows: &[(String, &Drawing)], options: &StripOptions) -> Figure {
     // The part of the world and its shape are those of the SVG.
     let all = together(rows);
@@ -160,13 +160,13 @@ fn panel_options(options: &StripOptions) -> SvgOptions {
     }
 }
 
-/// The strip as a stand-alone SVG document. The same drawing and options give the same bytes.
+/// Returns the strip as a stand-alone SVG document. The same drawing and options give the same bytes.
 pub fn strip(drawing: &Drawing, options: &StripOptions) -> String {
     strips(&[(String::new(), drawing)], options)
 }
 
-/// Several drawings of one scene below each other, each under its line, all panels of a column at one moment and of one part of the
-/// world: what a program does beside what its parent does.
+/// Returns several drawings of one scene below each other, each under its line. All panels of a column show one moment and one part of
+/// the world, to compare a program with its parent.
 pub fn strips(rows: &[(String, &Drawing)], options: &StripOptions) -> String {
     let panel = panel_options(options);
     let all = together(rows);
@@ -224,7 +224,7 @@ fn text(out: &mut String, (x, y): (f64, f64), anchor: &str, fill: &str, words: &
     let _ = writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"13\"{anchor} fill=\"{fill}\">{words}</text>");
 }
 
-/// Everybody of all rows, and the first contact of any: what the part of the world that is shown goes by.
+/// Returns everybody of all rows, and the first contact of any: they decide the part of the world that is shown.
 fn together(rows: &[(String, &Drawing)]) -> Drawing {
     let Some((_, first)) = rows.first() else { return Drawing::default() };
     let actors = rows.iter().flat_map(|(_, drawing)| drawing.actors.iter().cloned()).collect();

@@ -19,7 +19,7 @@ pub enum Theme {
     Dark,
 }
 
-/// What part of the world is shown.
+/// The part of the world that is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Frame {
@@ -27,11 +27,11 @@ pub enum Frame {
     Everything,
     /// The paths of the ego, its adversaries and the vehicles marked as interacting, with this many metres around them.
     Around(f64),
-    /// A square that stays where it is put and as large as it is, whoever is there.
+    /// A square that stays in its place and keeps its size, whoever is there.
     Square {
         /// Its middle, metres.
         centre: Vec2,
-        /// From there to its sides, metres.
+        /// Distance from the middle to its sides, metres.
         half_m: f64,
     },
 }
@@ -44,15 +44,15 @@ pub struct SvgOptions {
     pub width_px: f64,
     /// Its colours.
     pub theme: Theme,
-    /// Which part of the world it shows.
+    /// The part of the world that it shows.
     pub frame: Frame,
-    /// Boxes are drawn at this step; `None` is the drawing's current one.
+    /// Step at which boxes are drawn; `None` is the drawing's current one.
     pub step: Option<usize>,
-    /// Whether everyone's way is drawn too.
+    /// True if everyone's way is drawn too.
     pub trails: bool,
-    /// Whether all road users have labels, or only the main ones.
+    /// True if all road users have labels, not only the main ones.
     pub labels: bool,
-    /// Shown above the picture; may be empty.
+    /// Title above the picture; may be empty.
     pub title: String,
 }
 
@@ -100,7 +100,7 @@ impl Theme {
     }
 }
 
-/// Colours that people with any colour vision can tell apart (after Okabe and Ito), one a role.
+/// Returns the colour of a role. People with any colour vision can distinguish them (after Okabe and Ito).
 pub(super) fn colour(role: Role, theme: Theme) -> &'static str {
     match (role, theme) {
         (Role::Ego, Theme::Light) => "#0064b0",
@@ -121,7 +121,7 @@ pub(super) fn colour(role: Role, theme: Theme) -> &'static str {
     }
 }
 
-/// The picture as a stand-alone SVG document.
+/// Returns the picture as a stand-alone SVG document.
 pub fn svg(drawing: &Drawing, options: &SvgOptions) -> String {
     let view = View::of(drawing, options);
     let palette = options.theme.palette();
@@ -137,7 +137,7 @@ pub fn svg(drawing: &Drawing, options: &SvgOptions) -> String {
     );
     let step = options.step.unwrap_or(drawing.current_step).min(drawing.steps.saturating_sub(1));
     scenery(&mut out, drawing, &view, options, step);
-    // One picture of a scene marks the contact whenever it happens.
+    // A single picture of a scene marks the contact at any step.
     draw_contact(&mut out, drawing, &view);
     let words =
         Drawing { contact: drawing.contact.clone().map(|contact| Contact { step: 0, ..contact }), ..drawing.clone() };
@@ -147,7 +147,7 @@ pub fn svg(drawing: &Drawing, options: &SvgOptions) -> String {
     out
 }
 
-/// Road, lights, ways and road users at a step.
+/// Draws road, lights, ways and road users at a step.
 fn scenery(out: &mut String, drawing: &Drawing, view: &View, options: &SvgOptions, step: usize) {
     let palette = options.theme.palette();
     draw_road(out, drawing, view, &palette);
@@ -162,7 +162,7 @@ fn scenery(out: &mut String, drawing: &Drawing, view: &View, options: &SvgOption
     }
 }
 
-/// One moment without words: the contact is marked from when it happens.
+/// Draws one moment without words: the contact is marked from its step on.
 pub(super) fn moment(out: &mut String, drawing: &Drawing, view: &View, options: &SvgOptions, step: usize) {
     scenery(out, drawing, view, options, step);
     if drawing.contact.as_ref().is_some_and(|contact| step >= contact.step) {
@@ -170,7 +170,7 @@ pub(super) fn moment(out: &mut String, drawing: &Drawing, view: &View, options: 
     }
 }
 
-/// One moment in a strip, with its words and how long a round length is in it.
+/// Draws one moment in a strip, with its words and a bar of a round length.
 pub(super) fn told_moment(out: &mut String, drawing: &Drawing, view: &View, options: &SvgOptions, step: usize) {
     moment(out, drawing, view, options, step);
     let palette = options.theme.palette();
@@ -178,7 +178,7 @@ pub(super) fn told_moment(out: &mut String, drawing: &Drawing, view: &View, opti
     draw_scale(out, view, &palette, (10.0, view.height_px - 10.0), "");
 }
 
-/// The roles of those who are seen at a step in one of these pictures, in the order of the legend.
+/// Returns the roles of the road users that are seen at a step in one of these pictures, in the order of the legend.
 pub(super) fn roles_seen<'p>(pictures: impl Iterator<Item = (&'p Drawing, &'p View, usize)>) -> Vec<Role> {
     let mut seen: Vec<Role> = Vec::new();
     for (drawing, view, step) in pictures {
@@ -191,7 +191,7 @@ pub(super) fn roles_seen<'p>(pictures: impl Iterator<Item = (&'p Drawing, &'p Vi
     Role::ALL.into_iter().filter(|role| seen.contains(role)).collect()
 }
 
-/// These roles with their colours, in one line from a place on, pixels.
+/// Draws these roles with their colours, in one line from a place on, pixels.
 pub(super) fn key_of_roles(out: &mut String, roles: &[Role], theme: Theme, (x, y): (f64, f64)) {
     let mut at = x;
     for role in roles {
@@ -209,7 +209,7 @@ pub(super) fn key_of_roles(out: &mut String, roles: &[Role], theme: Theme, (x, y
     }
 }
 
-/// The main road users come last, so that they are on top.
+/// Returns the road users with the main ones last, so that they are on top.
 fn by_importance(drawing: &Drawing) -> Vec<&Actor> {
     let mut actors: Vec<&Actor> = drawing.actors.iter().collect();
     actors.sort_by_key(|actor| std::cmp::Reverse(actor.role));
@@ -220,7 +220,7 @@ fn leading(role: Role) -> bool {
     matches!(role, Role::Ego | Role::Adversary | Role::Interacting)
 }
 
-/// From metres to pixels, y upwards to y downwards.
+/// A map from metres to pixels, y upwards to y downwards.
 pub(super) struct View {
     low: Vec2,
     high: Vec2,
@@ -270,19 +270,19 @@ impl View {
         View { low: low - spare, high: high + spare, scale, width_px, height_px: grown.y * scale }
     }
 
-    /// The same panel with another part of the world: `width_m` from its left to its right side around a place.
+    /// Returns the same panel with another part of the world: `width_m` from its left to its right side around a place.
     pub(super) fn zoomed(&self, centre: Vec2, width_m: f64) -> View {
         let half = Vec2::new(width_m, width_m * self.height_px / self.width_px) * 0.5;
         let (low, high) = (centre - half, centre + half);
         View { low, high, scale: self.width_px / width_m, width_px: self.width_px, height_px: self.height_px }
     }
 
-    /// What lies in its middle, metres.
+    /// Returns the point in its middle, metres.
     pub(super) fn middle(&self) -> Vec2 {
         self.low.lerp(self.high, 0.5)
     }
 
-    /// Metres from its left to its right side.
+    /// Returns the metres from its left to its right side.
     pub(super) fn width_m(&self) -> f64 {
         self.high.x - self.low.x
     }
@@ -300,12 +300,12 @@ impl View {
         text
     }
 
-    /// Whether any of the points lies in the picture or near it.
+    /// Returns `true` if any of the points lies in the picture or near it.
     fn shows(&self, points: &[Vec2]) -> bool {
         Extent::around(points.iter().copied()).meets(&Extent { low: self.low, high: self.high })
     }
 
-    /// Width in pixels of a line of this width in metres, but never too thin to see.
+    /// Returns the width in pixels of a line of this width in metres, but never too thin to see.
     fn stroke(&self, metres: f64, least_px: f64) -> f64 {
         (metres * self.scale).max(least_px)
     }
@@ -358,7 +358,7 @@ fn draw_road(out: &mut String, drawing: &Drawing, view: &View, palette: &Palette
     }
 }
 
-/// Stripes along the road, one every metre of the crosswalk's longer side.
+/// Draws stripes along the road, one every metre of the crosswalk's longer side.
 fn draw_crosswalk(out: &mut String, outline: &[Vec2], view: &View, palette: &Palette) {
     let [a, b, c, d] = outline[..] else {
         let path = view.path(outline);
@@ -394,7 +394,7 @@ fn draw_lights(out: &mut String, drawing: &Drawing, view: &View, step: usize) {
     }
 }
 
-/// The path so far is a solid line, the path to come a dotted one.
+/// Draws the path so far as a solid line, and the path to come as a dotted one.
 fn draw_trail(out: &mut String, actor: &Actor, view: &View, step: usize, theme: Theme) {
     let (opacity, width) = if leading(actor.role) { (0.9, 0.45) } else { (0.3, 0.25) };
     let stroke = colour(actor.role, theme);
@@ -444,7 +444,7 @@ fn draw_actor(out: &mut String, actor: &Actor, view: &View, step: usize, options
         palette.outline,
         if lead { 1.6 } else { 0.8 }
     );
-    // A windscreen says which way it goes, a rider sits in the middle.
+    // A windscreen shows the direction of a car; a rider sits in the middle.
     if two_wheels {
         let (x, y) = view.at(centre);
         let r = 0.55 * shape.half_width_m * view.scale;
@@ -455,20 +455,20 @@ fn draw_actor(out: &mut String, actor: &Actor, view: &View, step: usize, options
     }
 }
 
-/// Corners of the pane that says which way a box goes.
+/// Returns the corners of the pane that shows the direction of a box.
 pub(super) fn windscreen(shape: &OrientedBox) -> [Vec2; 4] {
     let (l, w) = (shape.half_length_m, 0.78 * shape.half_width_m);
     let ahead = |along: f64, aside: f64| shape.center + shape.axis * along + shape.axis.left() * aside;
     [ahead(0.5 * l, w), ahead(0.5 * l, -w), ahead(0.2 * l, -w), ahead(0.2 * l, w)]
 }
 
-/// How often larger than it is somebody small is drawn, so that it is seen from afar.
+/// Returns the factor by which a small road user is enlarged, so that it is seen from afar.
 fn grown(actor: &Actor, view: &View) -> f64 {
     let least_px = if actor.length_m < ON_FOOT_M { ON_FOOT_PX } else { TWO_WHEELS_PX };
     if actor.length_m < SMALL_M { (least_px / (actor.width_m * view.scale).max(0.1)).max(1.0) } else { 1.0 }
 }
 
-/// Boxes below these lengths are those of people on foot, and of anybody small; boxes below this width have two wheels.
+/// Lengths below which boxes are those of people on foot, and of anybody small; width below which they have two wheels.
 const ON_FOOT_M: f64 = 1.2;
 const SMALL_M: f64 = 2.5;
 const TWO_WHEELS_M: f64 = 1.2;
@@ -476,7 +476,7 @@ const TWO_WHEELS_M: f64 = 1.2;
 const ON_FOOT_PX: f64 = 7.0;
 const TWO_WHEELS_PX: f64 = 6.0;
 
-/// Who somebody is and how fast, beside where it is at a step; `None` where it is not in sight.
+/// Returns the label and speed of a road user, beside its place at a step; `None` where it is not in sight.
 fn named(actor: &Actor, view: &View, step: usize) -> Option<Wanted> {
     let [x, y, _, speed] = (*actor.samples.get(step)?)?;
     let at = view.at(Vec2::new(x, y));
@@ -486,7 +486,7 @@ fn named(actor: &Actor, view: &View, step: usize) -> Option<Wanted> {
     inside.then(|| Wanted { at, reach_px, text: format!("{} {speed:.1} m/s", actor.label), needed })
 }
 
-/// The words that a picture of a step has: of the main road users in sight, or of all, and of the contact from when it happens.
+/// Returns the words in a picture of a step: of the main road users in sight, or of all, and of the contact from its step on.
 pub(super) fn labels(drawing: &Drawing, view: &View, step: usize, all: bool, letters: Letters) -> Vec<Label> {
     let mut wanted: Vec<Wanted> = drawing
         .actors
@@ -510,7 +510,7 @@ pub(super) fn labels(drawing: &Drawing, view: &View, step: usize, all: bool, let
     placed(&wanted, (view.width_px, view.height_px), letters, &kept_free)
 }
 
-/// Letters of a picture's words, and how far the mark of a contact reaches.
+/// Letters of a picture's words, and the extent of the mark of a contact.
 pub(super) const LETTERS: Letters = Letters { advance_px: 8.2, line_px: 16.0 };
 const CONTACT_PX: f64 = 22.0;
 
@@ -574,10 +574,10 @@ fn draw_legend(out: &mut String, drawing: &Drawing, view: &View, options: &SvgOp
     draw_scale(out, view, palette, (22.0, view.height_px - 22.0), &format!(", t = {seconds:.1} s"));
 }
 
-/// Share of the picture's width that the bar of its scale has at most.
+/// Largest share of the picture's width for the bar of its scale.
 const SCALE_SHARE: f64 = 0.2;
 
-/// A bar of a round length with its words from a place on.
+/// Draws a bar of a round length with its words from a place on.
 fn draw_scale(out: &mut String, view: &View, palette: &Palette, (x, y): (f64, f64), behind: &str) {
     let reach = SCALE_SHARE * view.width_px / view.scale;
     let length =

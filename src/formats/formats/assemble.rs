@@ -1,4 +1,4 @@
-//! Builds a scene from what all logged formats have in common: tracks with validity, centre lines with widths, ids. The
+//! Builds a scene from the data that all logged formats have in common: tracks with validity, centre lines with widths, ids. The
 //! scene is in the ego's local frame at the current step.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,12 +18,12 @@ use crate::scene::{AgentKind, DT_S, Ego, LeftOut, Light, LightState, Road, Sampl
 /// Most samples of all road users and states of all lights, after resampling.
 const SAMPLES_MAX: usize = 4_000_000;
 const LANES_MAX: usize = 50_000;
-/// Most road users that a log marks.
+/// Most marked road users of a log.
 const MARKED_MAX: usize = 1000;
-/// Points of a logged route lie at least this far apart, metres: a standing car's jitter is no path.
+/// Least distance between points of a logged route, metres: a standing car's jitter is no path.
 const ROUTE_SPACING_M: f64 = 0.5;
 
-/// The scene, and a sentence for each part of the log that is not in it as the log has it.
+/// Returns the scene, and a sentence for each part of the log that is missing or changed in it.
 pub fn assembled(mut log: Log) -> Result<(Scene, Parts), String> {
     let mut left_out = Vec::new();
     let filled = derived::times_filled(&mut log.times_s).ok_or("its first or last sample has no time")?;
@@ -108,7 +108,7 @@ pub fn assembled(mut log: Log) -> Result<(Scene, Parts), String> {
     Ok((scene, left_out))
 }
 
-/// Says what was derived from places.
+/// Notes the values that were derived from places.
 fn note_derived(derived: &[Derived], left_out: &mut Parts) {
     let samples: usize = derived.iter().map(|of| of.velocities).sum();
     if samples > 0 {
@@ -123,7 +123,7 @@ fn note_derived(derived: &[Derived], left_out: &mut Parts) {
     }
 }
 
-/// The kind of each road user; those that nobody knows are told once a name.
+/// Returns the kind of each road user; unknown kinds are noted once a name.
 fn kinds(tracks: &[LogTrack], left_out: &mut Parts) -> Vec<AgentKind> {
     let mut unknown: BTreeMap<&str, Vec<AgentKind>> = BTreeMap::new();
     let kind = |track: &LogTrack| {
@@ -168,7 +168,7 @@ fn keep_sound(tracks: &mut Vec<Track>, ego: &str, left_out: &mut Parts) {
     });
 }
 
-/// Where the marked road users stand among the tracks. The ego may be marked, too.
+/// Returns the indices of the marked road users among the tracks. The ego may be marked, too.
 fn interesting(marked: &[String], tracks: &[Track], ego: &str, left_out: &mut Parts) -> Vec<usize> {
     let places: BTreeMap<&str, usize> = tracks.iter().enumerate().map(|(ix, track)| (track.id.as_str(), ix)).collect();
     let mut places_of_marked = Vec::new();
@@ -182,7 +182,7 @@ fn interesting(marked: &[String], tracks: &[Track], ego: &str, left_out: &mut Pa
     places_of_marked
 }
 
-/// Whether a scene may hold a sample, wherever it lies.
+/// Returns `true` if a scene may hold a sample, at any place.
 fn sound(sample: &Sample) -> bool {
     let finite = sample.position.is_finite() && sample.heading_rad.is_finite() && sample.velocity.is_finite();
     finite && sample.speed_mps() <= SPEED_MAX_MPS
@@ -234,7 +234,7 @@ impl Clock {
                 .zip(&self.times)
                 .filter_map(|(sample, &time_s)| {
                     let Sample { position, heading_rad, velocity } = here(sample.as_ref()?);
-                    // One place alone says nothing of speed.
+                    // A single place says nothing about speed.
                     let along = velocity.dot(Vec2::from_heading(heading_rad));
                     Some(State { time_s, position, heading_rad, speed_mps: (observed == 1).then_some(along) })
                 })
@@ -245,7 +245,7 @@ impl Clock {
         Track { id: log.id.clone(), kind, length_m, width_m, samples }
     }
 
-    /// Index of the last log sample at or before a step.
+    /// Returns the index of the last log sample at or before a step.
     fn sample_at(&self, step: usize) -> usize {
         if self.on_grid {
             return step;
@@ -254,7 +254,7 @@ impl Clock {
     }
 }
 
-/// The closed loop begins where the ego is first observed, as MetaDrive's replay does; the route is its logged path.
+/// Makes the ego: the closed loop begins where it is first observed, as MetaDrive's replay does; the route is its logged path.
 fn ego_of(track: Track, current_step: usize) -> Result<Ego, String> {
     let start_step = track.span().map_or(current_step, |(first, _)| first.min(current_step));
     let mut route: Vec<Vec2> = Vec::new();
@@ -272,7 +272,7 @@ fn ego_of(track: Track, current_step: usize) -> Result<Ego, String> {
     }
     let start = track.at(start_step).ok_or("the ego is not observed at its start")?;
     if route.len() < 2 {
-        // It never moved: a route of half a metre says where it looks.
+        // It never moved: a route of half a metre shows its heading.
         route.push(start.position + Vec2::from_heading(start.heading_rad) * ROUTE_SPACING_M);
     }
     Ok(Ego { track, start_step, route, target_speed_mps: None })

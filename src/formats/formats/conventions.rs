@@ -1,8 +1,8 @@
-//! In which convention a file holds its headings and velocities. A file that contradicts itself as it is written is read in the
-//! one known convention in which it does not, and that is said; what fits none is told with the option that decides.
+//! Finds the convention of a file's headings and velocities. If a file contradicts itself as written, it is read in the one known
+//! convention in which it does not, and this is noted; if no convention fits, the note names the option that decides.
 //!
-//! A convention is that of the ego or that of all others: nuPlan's tools give the ego's velocity in its own frame, and the others'
-//! in the map's. Samples on which it makes a difference decide. Parked road users and people on foot, who may look
+//! Ego and others have a convention each: nuPlan's tools give the ego's velocity in its own frame, and the others'
+//! in the map's. Only samples on which conventions differ decide. Parked road users and people on foot, who may look
 //! anywhere, decide nothing and follow the others.
 
 use super::derived;
@@ -14,16 +14,16 @@ use crate::scene::consistency::stretch::{JUDGED_MIN, MOVING_MIN_MPS, Stretch, sh
 use crate::scene::consistency::{HEADING_LIMIT_DEG, VELOCITY_LIMIT, is_one_way};
 use crate::scene::{AgentKind, LeftOut, Sample};
 
-/// Share of the deciding samples that a convention must explain, and of all samples that it must fit. Of a good file it
+/// Share of the deciding samples that a convention must explain, and of all samples that it must fit. In a good file it
 /// explains none.
 const SURE: f64 = 0.9;
-/// Readings of a heading that lie at least so far apart decide between conventions, degrees: a sample that is explained lies at
-/// least half of it beside what is written, which no recorded road user does in most samples.
+/// Least difference between readings of a heading that decide between conventions, degrees: an explained sample lies at
+/// least half of it beside the written one, which does not happen in most samples of any recorded road user.
 const HEADINGS_APART_DEG: f64 = HEADING_LIMIT_DEG;
-/// Ways that differ by this share decide. Less than for ways that only contradict each other, because an error along the way moves
-/// none nearer to another direction.
+/// Share by which ways must differ to decide. Less than for ways that only contradict each other, because an error along the way brings
+/// no way nearer to another direction.
 const VELOCITIES_APART: f64 = 0.15;
-/// Velocities whose ratio to the motion stays within this share of its median are in another unit or at other times.
+/// Largest deviation from the median, as a share, of velocities over motion that are in another unit or at other times.
 const STEADY: f64 = 0.1;
 const DEGREE: f64 = num::PI / 180.0;
 const QUARTER: f64 = num::FRAC_PI_2;
@@ -31,14 +31,14 @@ const QUARTER: f64 = num::FRAC_PI_2;
 /// A convention of headings: ours is `turn + sign * unit * theirs`.
 #[derive(Debug)]
 pub struct Heading {
-    /// As `--headings` takes it.
+    /// Name in `--headings`.
     pub name: &'static str,
-    /// What it is.
+    /// Meaning in words.
     pub meaning: &'static str,
     unit_rad: f64,
     sign: f64,
     turn_rad: f64,
-    /// Whether a file that fits is surely so. Who looks back may drive back.
+    /// True if a file that fits is surely of this convention. A backward heading may also mean reverse driving.
     is_sure: bool,
 }
 
@@ -46,7 +46,7 @@ const fn heading(name: &'static str, meaning: &'static str, unit_rad: f64, sign:
     Heading { name, meaning, unit_rad, sign, turn_rad, is_sure: turn_rad != num::PI }
 }
 
-/// What a scene has comes first. Of conventions that come to the same the first is named.
+/// The convention of a scene comes first. Of conventions that are equivalent the first is named.
 pub const HEADINGS: [Heading; 12] = [
     heading("written", "counter-clockwise from +x, radians", 1.0, 1.0, 0.0),
     heading("degrees", "counter-clockwise from +x, degrees", DEGREE, 1.0, 0.0),
@@ -63,12 +63,12 @@ pub const HEADINGS: [Heading; 12] = [
 ];
 
 impl Heading {
-    /// Whether its numbers are degrees.
+    /// Returns `true` if its numbers are degrees.
     fn is_in_degrees(&self) -> bool {
         self.unit_rad < 1.0
     }
 
-    /// A heading of the file as ours, radians, not wrapped.
+    /// Returns a heading of the file as ours, radians, not wrapped.
     pub fn ours(&self, theirs: f64) -> f64 {
         self.turn_rad + self.sign * self.unit_rad * theirs
     }
@@ -77,11 +77,11 @@ impl Heading {
 /// A convention of velocities.
 #[derive(Debug)]
 pub struct Velocity {
-    /// As `--velocities` takes it.
+    /// Name in `--velocities`.
     pub name: &'static str,
-    /// What it is.
+    /// Meaning in words.
     pub meaning: &'static str,
-    /// Whether it is ahead and to the left, not along the map's axes.
+    /// True if it is ahead and to the left, not along the map's axes.
     own_frame: bool,
     unit_mps: f64,
 }
@@ -93,7 +93,7 @@ const fn velocity(name: &'static str, meaning: &'static str, own_frame: bool, un
     Velocity { name, meaning, own_frame, unit_mps }
 }
 
-/// What a scene has comes first.
+/// The convention of a scene comes first.
 pub const VELOCITIES: [Velocity; 6] = [
     velocity("written", "along the map's axes, m/s", false, 1.0),
     velocity("own-frame", "in each road user's own frame, ahead and to the left", true, 1.0),
@@ -109,13 +109,13 @@ impl Velocity {
         along * self.unit_mps
     }
 
-    /// Whether it is of each road user's own frame, and its unit, m/s.
+    /// Returns `true` if it is of each road user's own frame, and its unit, m/s.
     #[cfg(test)]
     pub fn parts(&self) -> (bool, f64) {
         (self.own_frame, self.unit_mps)
     }
 
-    /// A speed along the heading as ours, m/s.
+    /// Returns a speed along the heading as ours, m/s.
     pub fn speed_mps(&self, theirs: f64) -> f64 {
         theirs * self.unit_mps
     }
@@ -126,15 +126,15 @@ impl Velocity {
 pub struct Given<'g> {
     /// Time of each sample, seconds, increasing. `[samples]`
     pub times_s: &'g [f64],
-    /// As written.
+    /// Samples as written.
     pub samples: &'g [Option<Sample>],
-    /// Whether it looks where it goes; people on foot need not.
+    /// True if it heads where it goes; people on foot need not.
     pub looks_ahead: bool,
 }
 
-/// What the samples say of each convention of a table; the first one is what is written.
+/// Evidence of the samples for each convention of a table; the first one is the written one.
 struct Tally {
-    /// Samples that say something.
+    /// Number of samples that are evidence.
     count: usize,
     each: Vec<Counts>,
 }
@@ -142,14 +142,14 @@ struct Tally {
 #[derive(Clone, Default)]
 struct Counts {
     fits: usize,
-    /// Samples that it and what is written read differently, and those of them that it explains.
+    /// Number of samples that it and the written one read differently, and of those that it explains.
     deciding: usize,
     explained: usize,
     /// Sum of all errors.
     error: f64,
 }
 
-/// What was found of a field: places in the table of conventions.
+/// Result for a field: indices in the table of conventions.
 struct Finding {
     best: usize,
     /// Another convention that fits as well.
@@ -161,7 +161,7 @@ impl Tally {
         Tally { count: 0, each: vec![Counts::default(); conventions] }
     }
 
-    /// A sample: by convention, its error and how far it lies from what is written, with the error that still fits and the
+    /// Adds a sample: by convention, its error and its distance from the written one, with the error that still fits and the
     /// distance that decides.
     fn add(&mut self, fits: f64, decides: f64, of: impl Fn(usize) -> (f64, f64)) {
         self.count += 1;
@@ -174,24 +174,24 @@ impl Tally {
         }
     }
 
-    /// Whether a convention explains the file.
+    /// Returns `true` if a convention explains the file.
     fn explains(&self, ix: usize) -> bool {
         let counts = &self.each[ix];
         let most = |part: usize, of: usize| part as f64 >= SURE * of as f64;
         counts.deciding >= JUDGED_MIN && most(counts.explained, counts.deciding) && most(counts.fits, self.count)
     }
 
-    /// Whether these samples leave it open that a convention is theirs.
+    /// Returns `true` if these samples do not exclude a convention.
     fn allows(&self, ix: usize) -> bool {
         let counts = &self.each[ix];
         counts.deciding < JUDGED_MIN || 2 * counts.explained >= counts.deciding
     }
 
-    /// The convention of these that explains the file best, if it is not what is written.
+    /// Returns the convention of these that explains the file best, if it is not the written one.
     fn finding(&self, among: impl Fn(usize) -> bool) -> Option<Finding> {
         let fitting: Vec<usize> = (1..self.each.len()).filter(|&ix| self.explains(ix) && among(ix)).collect();
         let error = |ix: usize| self.each[ix].error;
-        // Errors of exact files are nothing but rounding.
+        // Errors of exact files are only rounding.
         let rounding = 1e-9 * self.count as f64;
         let best =
             fitting.iter().copied().reduce(|best, ix| if error(ix) < error(best) - rounding { ix } else { best })?;
@@ -199,7 +199,7 @@ impl Tally {
         Some(Finding { best, rival })
     }
 
-    /// The share of samples that decides for a convention.
+    /// Returns, in words, the share of samples that decides for a convention.
     fn said(&self, ix: usize) -> String {
         let (counts, written) = (&self.each[ix], &self.each[0]);
         format!(
@@ -208,7 +208,7 @@ impl Tally {
         )
     }
 
-    /// Whether what is written fits less than half of enough samples.
+    /// Returns `true` if the written convention fits less than half of enough samples.
     fn contradicts(&self) -> bool {
         self.count >= JUDGED_MIN && 2 * self.each[0].fits < self.count
     }
@@ -229,16 +229,16 @@ fn headings_tally(tracks: &[Given<'_>]) -> Tally {
     tally
 }
 
-/// Whether no sample has a velocity: who moves gets it from his places (`derived::fill`).
+/// Returns `true` if no sample has a velocity: a moving road user then gets it from its places (`derived::fill`).
 fn has_none(samples: &[Option<Sample>]) -> bool {
     samples.iter().flatten().all(|sample| sample.velocity == Vec2::ZERO)
 }
 
-/// What the samples say, and the way by velocities as written against that by places, of all who move.
+/// Returns the evidence of the samples, and the way by velocities as written over that by places, of all road users that move.
 fn velocities_tally(tracks: &[Given<'_>]) -> (Tally, f64) {
     let mut tally = Tally::of(VELOCITIES.len());
     let (mut by_velocity_m, mut way_m) = (0.0, 0.0);
-    // Where the heading is no number nobody knows an own frame: such a sample does not fit, and stays beside the others.
+    // Where the heading is NaN, an own frame is not known: such a sample does not fit, and stays beside the others.
     let own = |sample: &Sample| {
         let turned = sample.velocity.rotated(sample.heading_rad);
         if sample.velocity.is_finite() && !turned.is_finite() { Vec2::ZERO } else { turned }
@@ -247,7 +247,7 @@ fn velocities_tally(tracks: &[Given<'_>]) -> (Tally, f64) {
         let in_map = stretches(track.times_s, track.samples, |sample| sample.velocity);
         let in_own = stretches(track.times_s, track.samples, own);
         for (stretch, own) in in_map.iter().zip(&in_own).filter(|(stretch, _)| stretch.moves()) {
-            // Turned or not, a velocity is as long.
+            // A velocity has the same length, turned or not.
             by_velocity_m += stretch.by_velocity.norm();
             way_m += stretch.way.norm();
             tally.add(VELOCITY_LIMIT, VELOCITIES_APART, |ix| {
@@ -260,17 +260,17 @@ fn velocities_tally(tracks: &[Given<'_>]) -> (Tally, f64) {
     (tally, by_velocity_m / way_m)
 }
 
-/// How a field of some road users is read.
+/// The reading of a field of some road users.
 #[derive(Debug, Default)]
 pub struct Read {
-    /// Place of the convention in its table; 0 for what is written.
+    /// Index of the convention in its table; 0 for the written one.
     pub convention: usize,
-    /// What is to be said of it.
+    /// Note on it.
     pub note: Option<(String, String)>,
 }
 
-/// How the headings of some road users are read: as they are written, or as found. `known` is the convention of the file's
-/// others, which is theirs where they say nothing else. `whose` says who they are.
+/// Returns how the headings of some road users are read: as written, or as found. `known` is the convention of the file's
+/// others, which is theirs, too, without other evidence. `whose` names them.
 pub fn read_headings(tracks: &[Given<'_>], whose: &str, known: usize) -> Read {
     let tally = headings_tally(tracks);
     if known > 0 && tally.explains(known) {
@@ -278,7 +278,7 @@ pub fn read_headings(tracks: &[Given<'_>], whose: &str, known: usize) -> Read {
     }
     let headings = || tracks.iter().flat_map(|track| track.samples.iter().flatten()).map(|sample| sample.heading_rad);
     let beyond = |turns: f64| headings().filter(|rad| rad.is_finite() && rad.abs() > turns * num::TAU).count();
-    // Radians are some degrees: whatever they are, they would lie near to one axis.
+    // Radians taken as degrees are so small that all of them would lie near to one axis.
     let may_be_degrees = beyond(1.0) > 0;
     let is_sure = |ix: usize| HEADINGS[ix].is_sure && (may_be_degrees || !HEADINGS[ix].is_in_degrees());
     if let Some(Finding { best, rival }) = tally.finding(is_sure) {
@@ -298,7 +298,7 @@ pub fn read_headings(tracks: &[Given<'_>], whose: &str, known: usize) -> Read {
     if known > 0 && tally.allows(known) {
         return Read { convention: known, note: None };
     }
-    // Radians that were added up over a drive are some turns at most.
+    // Radians that were summed over a drive are a few turns at most.
     let beyond = beyond(2.0);
     let reason = if tally.contradicts() {
         let askew_deg = tally.each[0].error / tally.count as f64 / DEGREE;
@@ -317,13 +317,13 @@ pub fn read_headings(tracks: &[Given<'_>], whose: &str, known: usize) -> Read {
     Read { convention: 0, note: Some((LeftOut::HEADINGS_DOUBTFUL.into(), reason)) }
 }
 
-/// Whether two conventions give a road user headings that are not alike.
+/// Returns `true` if two conventions give a road user headings that are not alike.
 fn differ_somewhere(track: &Given<'_>, a: &Heading, b: &Heading) -> bool {
     let headings = track.samples.iter().flatten().map(|sample| sample.heading_rad).filter(|rad| rad.is_finite());
     headings.into_iter().any(|rad| num::wrap_angle(a.ours(rad) - b.ours(rad)).abs() > HEADING_LIMIT_DEG * DEGREE)
 }
 
-/// How the velocities of some road users are read, whose headings are ours already; likewise.
+/// Returns how the velocities of some road users are read, whose headings are ours already; likewise.
 pub fn read_velocities(tracks: &[Given<'_>], whose: &str, known: usize) -> Read {
     let (tally, pace) = velocities_tally(tracks);
     if known > 0 && tally.explains(known) {
@@ -341,18 +341,18 @@ pub fn read_velocities(tracks: &[Given<'_>], whose: &str, known: usize) -> Read 
     Read { convention: if tally.allows(known) { known } else { 0 }, note: None }
 }
 
-/// How far the pace of all may be from that of a unit's name. Doubled times lie 11 % beside mph.
+/// Largest difference between the pace of all and that of a unit with a name. Doubled times lie 11 % beside mph.
 const PACE_APART: f64 = 0.06;
 
-/// What is wrong with the velocities of one road user, in our convention.
+/// The fault in the velocities of one road user, in our convention.
 pub enum Wrong {
-    /// They have nothing to do with its places.
+    /// They have no relation to its places.
     Nothing,
-    /// They are so many times its motion: sample times or unit are others.
+    /// They are so many times its motion: sample times or unit are different.
     Times(f64),
 }
 
-/// Whether most velocities of one road user contradict its places.
+/// Returns the fault if most velocities of one road user contradict its places.
 pub fn wrong_velocities(track: &Given<'_>) -> Option<Wrong> {
     if has_none(track.samples) {
         return None;
@@ -370,7 +370,7 @@ pub fn wrong_velocities(track: &Given<'_>) -> Option<Wrong> {
     Some(if steady as f64 >= SURE * moving.len() as f64 { Wrong::Times(typical) } else { Wrong::Nothing })
 }
 
-/// Says whose velocities are another multiple of the motion than one.
+/// Names the road users whose velocities are a multiple of the motion other than one.
 pub fn paced(of: &[(&str, f64)]) -> Option<(String, String)> {
     let (id, times) = of.first()?;
     let reason = format!(
@@ -383,7 +383,7 @@ pub fn paced(of: &[(&str, f64)]) -> Option<(String, String)> {
     Some((LeftOut::VELOCITIES_DOUBTFUL.into(), reason))
 }
 
-/// Says whose velocities were derived because they contradicted the places.
+/// Names the road users whose velocities were derived because they contradicted the places.
 pub fn contradicting(of: &[&str]) -> Option<(String, String)> {
     let first = of.first()?;
     let reason = format!(
@@ -448,7 +448,7 @@ pub(super) fn read(
     left_out.extend(contradicting(&derived).into_iter().chain(paced(&other_pace)));
 }
 
-/// Says which conventions somebody named.
+/// Lists the conventions that the user named.
 pub fn said_by_option(conventions: Conventions) -> Parts {
     let heading = match conventions.headings {
         ReadAs::Known(ix) if ix > 0 => Some(format!("read as {} ({})", HEADINGS[ix].name, HEADINGS[ix].meaning)),
@@ -465,7 +465,7 @@ pub fn said_by_option(conventions: Conventions) -> Parts {
     [heading, velocity].into_iter().flatten().collect()
 }
 
-/// The conventions of the ego and of the others. Where one of them says nothing of itself, it has that of the other; where
+/// Returns the conventions of the ego and of the others. One without evidence of its own gets that of the other; where
 /// both are alike all are judged together.
 fn judged(
     tracks: &[LogTrack],
@@ -499,7 +499,7 @@ fn given<'g>(track: &'g LogTrack, times_s: &'g [f64]) -> Given<'g> {
     Given { times_s, samples: &track.samples, looks_ahead }
 }
 
-/// Headings of somebody who looks where he goes; who never moves keeps his.
+/// Sets headings to the direction of motion; a road user that never moves keeps its own.
 fn turn_to_motion(samples: &mut [Option<Sample>], times_s: &[f64]) {
     let (known, times, places) = placed(samples, times_s);
     for (k, heading_rad) in known.into_iter().zip(derived::headings(&times, &places).unwrap_or_default()) {
@@ -514,7 +514,7 @@ fn derive_velocities(samples: &mut [Option<Sample>], times_s: &[f64]) {
     }
 }
 
-/// The samples that have a place: which, when, where.
+/// Returns the samples that have a place: their indices, times and places.
 fn placed(samples: &[Option<Sample>], times_s: &[f64]) -> (Vec<usize>, Vec<f64>, Vec<Vec2>) {
     let known = samples.iter().enumerate().filter_map(|(k, sample)| Some((k, sample.as_ref()?.position)));
     let known: Vec<(usize, Vec2)> = known.filter(|(_, place)| place.is_finite()).collect();

@@ -52,10 +52,10 @@ fn with_samples(scene: &Scene, change: impl Fn(&mut Sample)) -> Scene {
     scene
 }
 
-/// What a file holds that is not of ours: a description, Waymo's record, GPUDrive's objects, CommonRoad's XML.
+/// Forms of files that are not ours: a description, Waymo's record, GPUDrive's objects, CommonRoad's XML.
 const FORMS: [&str; 4] = ["scenarionet", "waymo", "gpudrive", "commonroad"];
 
-/// The file of a scene, with its headings as `theirs` says; `None` where our exporter refuses a number.
+/// Writes the file of a scene, with headings changed by `theirs`; `None` where our exporter refuses a number.
 fn file(form: &str, scene: &Scene, theirs: &dyn Fn(f64) -> f64) -> Option<Vec<u8>> {
     let turned = with_samples(scene, |sample| sample.heading_rad = theirs(sample.heading_rad));
     Some(match form {
@@ -68,7 +68,7 @@ fn file(form: &str, scene: &Scene, theirs: &dyn Fn(f64) -> f64) -> Option<Vec<u8
         "waymo" => tfrecord::written(&[waymo::tests::message_of(&turned).encode_to_vec()]),
         "gpudrive" => objects(&turned).to_string().into_bytes(),
         _ => {
-            // Who comes within half a second is there before, beside the map: a jump that is the file's.
+            // A road user that appears within half a second is there before, beside the map: a jump that the file has.
             let mut scene = scene.clone();
             let start = scene.ego.start_step;
             scene.tracks.retain(|track| track.samples.iter().skip(start).all(Option::is_some));
@@ -80,7 +80,7 @@ fn file(form: &str, scene: &Scene, theirs: &dyn Fn(f64) -> f64) -> Option<Vec<u8
     })
 }
 
-/// Every orientation of an XML file as `theirs` says, exact or an interval; those of shapes are neither.
+/// Changes every orientation of an XML file by `theirs`, exact or an interval; those of shapes are neither.
 fn turned_xml(text: &str, theirs: &dyn Fn(f64) -> f64) -> String {
     let mut parts = text.split("<orientation>");
     let mut out = parts.next().unwrap().to_string();
@@ -135,7 +135,7 @@ fn said<'i>(imported: &'i Imported, what: &str) -> Vec<&'i str> {
     imported.left_out.iter().filter(|left| left.what == what).map(|left| left.reason.as_str()).collect()
 }
 
-/// Whether everybody who moves has the headings and velocities that he has in the other.
+/// Returns `true` if all moving road users have the same headings and velocities in both.
 fn alike(read: &Scene, good: &Scene) -> bool {
     let all = |scene: &Scene| -> Vec<Track> {
         let tracks = std::iter::once(&scene.ego.track).chain(&scene.tracks);
@@ -152,7 +152,7 @@ fn alike(read: &Scene, good: &Scene) -> bool {
         })
 }
 
-/// How many scenes of each convention are read as the good file is, and say so.
+/// Checks how many scenes of each convention are read like the good file, with a note.
 fn found(what: &str, names: &[&'static str], spoilt: impl Fn(usize, &str, &Scene) -> Option<Vec<u8>>) {
     for (ix, name) in names.iter().enumerate().skip(1) {
         let (mut found, mut all, mut missed) = (0, 0, Vec::new());
@@ -176,7 +176,7 @@ fn found(what: &str, names: &[&'static str], spoilt: impl Fn(usize, &str, &Scene
 
 #[test]
 fn each_convention_of_headings_is_found_in_95_of_100_scenes() {
-    // Who goes backwards may reverse: that is told and not turned.
+    // A road user that goes backwards may reverse: that is noted and not turned.
     let names: Vec<&str> = HEADINGS.iter().map(|of| of.name).filter(|name| !name.starts_with("backwards")).collect();
     found(LeftOut::HEADINGS, &names, |ix, form, scene| {
         let (at_0, at_1) = (HEADINGS[ix].ours(0.0), HEADINGS[ix].ours(1.0));
@@ -228,7 +228,7 @@ fn no_good_file_of_any_form_is_accused() {
     assert!(read_whole >= 4 * SCENES - 10, "{read_whole}");
 }
 
-/// A scene of a description in which everybody goes north, with the ego's and the other's state changed.
+/// Returns a scene of a description in which everybody goes north, with the ego's and the other's state changed.
 fn northward(change: impl Fn(&mut Value, f64)) -> Value {
     described(|scene| {
         for (track, x, mps) in [("1", 0.0, 10.0), ("2", 4.0, 8.0)] {
@@ -313,7 +313,7 @@ fn what_fits_no_convention_is_derived_or_told_with_the_option_that_reads_it() {
     let motion = Conventions { headings: ReadAs::Derived, ..Conventions::default() };
     assert!(alike(&read_value(&askew, motion).0, &good));
 
-    // Who goes east with his heading west may drive back; northward, -90 degrees would be clockwise.
+    // A road user that goes east and heads west may reverse; northward, -90 degrees would be clockwise.
     let (good, _) = read_value(&described(|_| ()), Conventions::default());
     let back = described(|scene| {
         for track in ["1", "2"] {

@@ -1,23 +1,23 @@
-//! What a file does not say and its places do: velocities, headings, and what kind of road user moves like that.
+//! Values that a file lacks and that places give: velocities, headings, and the kind of road user that moves like that.
 
 use crate::kernel::Vec2;
 use crate::scene::{AgentKind, Sample};
 
-/// Between two places farther apart in time nobody knows how somebody moved, seconds.
+/// Longest time between two places over which motion is derived, seconds.
 const GAP_MAX_S: f64 = 0.5;
-/// Slower motion is the jitter of a measurement and gives no direction, m/s.
+/// Speed below which motion is the jitter of a measurement and gives no direction, m/s.
 const DIRECTION_MIN_MPS: f64 = 0.5;
-/// Who stays within this of his first place stands, metres.
+/// Largest distance from its first place of a road user that stands, metres.
 const STANDS_WITHIN_M: f64 = 1.0;
-/// Whose velocities are all zero and who comes farther than this has none in the file, metres.
+/// Distance beyond which a road user whose velocities are all zero has none in the file, metres.
 const MOVES_BEYOND_M: f64 = 3.0;
-/// A shorter road user is somebody on foot or on two wheels, metres.
+/// Length below which a road user is on foot or on two wheels, metres.
 const CAR_LENGTH_MIN_M: f64 = 2.5;
-/// Nobody walks faster for long, m/s.
+/// Largest speed that anybody walks for long, m/s.
 const WALK_MAX_MPS: f64 = 3.0;
 
-/// Velocities of somebody who was at these places at these times, which increase: from the place before to the place
-/// after. Who is seen only once stands.
+/// Returns the velocities of a road user at these places at these times, which increase: from the place before to the place
+/// after. A road user seen only once stands.
 pub fn velocities(times_s: &[f64], places: &[Vec2]) -> Vec<Vec2> {
     let near = |a: usize, b: usize| (times_s[b] - times_s[a]).abs() <= GAP_MAX_S + 1e-6;
     (0..places.len())
@@ -30,8 +30,8 @@ pub fn velocities(times_s: &[f64], places: &[Vec2]) -> Vec<Vec2> {
         .collect()
 }
 
-/// Headings of somebody who looks where he goes; where he stands, the last one before or else the first one after. `None`
-/// of who never moves.
+/// Returns the headings of a road user that heads where it goes; where it stands, the last one before or else the first one
+/// after. `None` for one that never moves.
 pub fn headings(times_s: &[f64], places: &[Vec2]) -> Option<Vec<f64>> {
     let going = velocities(times_s, places);
     let going = going.iter().map(|v| (v.norm() >= DIRECTION_MIN_MPS).then(|| v.heading()));
@@ -44,17 +44,17 @@ pub fn headings(times_s: &[f64], places: &[Vec2]) -> Option<Vec<f64>> {
     Some(each)
 }
 
-/// What a track of a log was given from its places.
+/// Values of a track of a log that come from its places.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Derived {
-    /// Samples whose velocity is derived.
+    /// Number of samples whose velocity is derived.
     pub velocities: usize,
-    /// Whether all headings are.
+    /// True if all headings are.
     pub headings: bool,
 }
 
-/// Fills in velocities that are no numbers, or all zero of somebody who moves, and headings of which none is a number. A
-/// single heading that is none is left for its sample to be dropped.
+/// Fills in velocities that are NaN, or all zero of a road user that moves, and headings of which all are NaN. A
+/// single NaN heading is left for its sample to be dropped.
 pub fn fill(samples: &mut [Option<Sample>], times_s: &[f64]) -> Derived {
     let placed = |sample: &Option<Sample>| sample.filter(|sample| sample.position.is_finite());
     let known: Vec<(usize, Sample)> =
@@ -83,13 +83,13 @@ pub fn fill(samples: &mut [Option<Sample>], times_s: &[f64]) -> Derived {
     derived
 }
 
-/// How far somebody comes from his first place.
+/// Returns the largest distance of a road user from its first place.
 fn spread_m(known: &[(usize, Sample)]) -> f64 {
     let first = known.first().map_or(Vec2::ZERO, |(_, sample)| sample.position);
     known.iter().map(|(_, sample)| sample.position.distance(first)).fold(0.0, f64::max)
 }
 
-/// The kind of road user that a data set's name stands for; `None` of a name that says nothing, such as `OTHER`.
+/// Returns the kind of road user for a data set's name; `None` for a name that says nothing, such as `OTHER`.
 pub fn kind_named(name: &str) -> Option<AgentKind> {
     let plain: String = name.chars().filter(char::is_ascii_alphanumeric).take(64).collect();
     Some(match plain.to_ascii_lowercase().as_str() {
@@ -122,7 +122,7 @@ pub fn kind_named(name: &str) -> Option<AgentKind> {
     })
 }
 
-/// What moves as somebody of an unknown kind does: nothing, a vehicle, somebody on foot or on two wheels.
+/// Returns the kind that fits the motion of an unknown road user: a static thing, a vehicle, somebody on foot or on two wheels.
 pub fn kind_moving(places: &[Vec2], fastest_mps: f64, length_m: f64) -> AgentKind {
     let stands = |first: &Vec2| places.iter().all(|place| place.distance(*first) <= STANDS_WITHIN_M);
     let walks = fastest_mps <= WALK_MAX_MPS;
@@ -136,7 +136,7 @@ pub fn kind_moving(places: &[Vec2], fastest_mps: f64, length_m: f64) -> AgentKin
     }
 }
 
-/// Says what became of road users whose kind nobody knows: the kind's name, and what each is taken for.
+/// Says how road users of an unknown kind were read: the kind's name, and the kind assumed for each.
 pub fn kinds_taken(name: &str, taken: &[AgentKind]) -> String {
     let count = |kind: AgentKind| taken.iter().filter(|&&other| other == kind).count();
     let all = [
@@ -153,13 +153,13 @@ pub fn kinds_taken(name: &str, taken: &[AgentKind]) -> String {
     )
 }
 
-/// The greatest speed of samples, m/s.
+/// Returns the greatest speed of samples, m/s.
 pub fn fastest_mps(samples: &[Option<Sample>]) -> f64 {
     samples.iter().flatten().map(Sample::speed_mps).filter(|speed| speed.is_finite()).fold(0.0, f64::max)
 }
 
-/// Sample times with those that are no numbers put between their neighbours; how many these were. `None` if the first or
-/// the last is none.
+/// Puts sample times that are NaN between their neighbours, and returns how many these were. `None` if the first or
+/// the last is NaN.
 pub fn times_filled(times_s: &mut [f64]) -> Option<usize> {
     if !times_s.first()?.is_finite() || !times_s.last()?.is_finite() {
         return None;

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::scene::Scene;
 
-/// The bytes of a file, and notes on what they do not hold.
+/// The bytes of a file, and notes on the parts that they lack.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exported {
     /// The file.
@@ -16,7 +16,7 @@ pub struct Exported {
 /// One thing that a reader of the exported file should know.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Note {
-    /// Such as `tracks[3] "v12"`; empty for the whole scene.
+    /// Part of the scene, such as `tracks[3] "v12"`; empty for the whole scene.
     pub what: String,
     /// A plain sentence.
     pub reason: String,
@@ -39,26 +39,26 @@ pub enum ExportError {
         /// The first rule that it breaks.
         violation: String,
     },
-    /// The staging of a SafeBench scene is not what its traffic family asks for.
+    /// The staging of a SafeBench scene does not match its traffic family.
     #[error(
         "the staging of scene {scene:?} does not fit it: found {found}, expected {expected}; build it from a rollout of this scene"
     )]
     Staging {
         /// Id of the scene.
         scene: String,
-        /// What it holds.
+        /// Staging found.
         found: String,
-        /// What it should hold.
+        /// Staging expected.
         expected: String,
     },
-    /// The scene lacks something that the format cannot do without.
+    /// The scene lacks something that the format requires.
     #[error("scene {scene:?} cannot be a {format} file: it has no {missing}; choose the ScenarioNet JSON export")]
     Missing {
         /// Id of the scene.
         scene: String,
         /// The format.
         format: &'static str,
-        /// What it lacks.
+        /// Part that it lacks.
         missing: &'static str,
     },
 }

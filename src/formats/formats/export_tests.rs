@@ -195,7 +195,7 @@ fn scenarionet_json_gives_back_every_scene() {
 fn a_data_set_counts_what_its_scenes_hold_and_is_imported_as_no_scene() {
     let exported = scenarionet::export(&awkward(), None).unwrap();
     let scenarionet::Pickled { summary, bytes } = scenarionet::pickled(&exported.bytes).unwrap();
-    // The pickle says of itself what the list says of it: MetaDrive's curriculum asks the pickle.
+    // The pickle and the list hold the same summary: MetaDrive's curriculum reads the pickle.
     let pickle = scenarionet::pickle::read("f.pkl", &bytes).unwrap();
     let metadata = pickle.root().get("metadata").unwrap();
     let moved = |id: &str| metadata.get("object_summary")?.get(id)?.get("moving_distance")?.number();

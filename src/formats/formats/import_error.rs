@@ -8,14 +8,14 @@ pub struct ImportError {
     pub file: String,
     /// Line and element path, key path, or byte offset.
     pub place: String,
-    /// What was expected, and what was found where that helps.
+    /// Expected content, and the content found where that helps.
     pub expected: String,
-    /// What to do about it.
+    /// Advice on what to do about it.
     pub remedy: String,
 }
 
 impl ImportError {
-    /// An error at a place of a file.
+    /// Makes an error at a place of a file.
     pub fn new(
         file: &str,
         place: impl Into<String>,
@@ -25,13 +25,13 @@ impl ImportError {
         ImportError { file: file.into(), place: place.into(), expected: expected.into(), remedy: remedy.into() }
     }
 
-    /// Why one part of a file is left out while the rest is kept.
+    /// Says why one part of a file is left out while the rest is kept.
     pub(super) fn as_part(&self, kept: &str) -> String {
         format!("{}: expected {}; {kept}", self.place, self.expected)
     }
 }
 
-/// A text from a hostile file, cut and stripped of control characters, for an error message.
+/// Returns a text from a hostile file, cut and stripped of control characters, for an error message.
 pub(super) fn shown(text: &str) -> String {
     let mut short: String = text.chars().take(60).map(|c| if c.is_control() { ' ' } else { c }).collect();
     if short.len() < text.len() {

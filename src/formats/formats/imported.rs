@@ -1,4 +1,4 @@
-//! What the reader of a format gives, and how it leaves out what cannot be read.
+//! Result of a format's reader, with the parts that it had to leave out.
 
 use super::import_error::ImportError;
 use crate::scene::{LeftOut, Scene};
@@ -6,14 +6,14 @@ use crate::scene::{LeftOut, Scene};
 /// Most parts of one file that are named when they are left out.
 const NAMED_MAX: usize = 1000;
 
-/// What one file gave. A part that cannot be read is left out by name and the rest is kept; docs/FORMAT.md has the rule.
+/// Scenes of one file. A part that cannot be read is left out by name and the rest is kept; docs/FORMAT.md has the rule.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Imported {
-    /// In the order of the file.
+    /// Scenes in the order of the file.
     pub scenes: Vec<Scene>,
-    /// What was left out, with its reason: the first parts by name.
+    /// Parts left out, with the reasons: the first ones by name.
     pub left_out: Vec<LeftOut>,
-    /// Parts left out beyond those.
+    /// Number of parts left out beyond those.
     pub more: usize,
 }
 
@@ -28,17 +28,17 @@ impl Imported {
         self.left_out.push(LeftOut { file: file.into(), what, reason });
     }
 
-    /// Leaves a part out for an error in it; `kept` says what is kept all the same.
+    /// Leaves a part out for an error in it; `kept` names the rest that is still kept.
     pub fn leave_out_for(&mut self, what: impl Into<String>, error: &ImportError, kept: &str) {
         self.leave_out(&error.file, || (what.into(), error.as_part(kept)));
     }
 
-    /// The value, or nothing where it could not be read, which is then named.
+    /// Returns the value, or `None` where it could not be read, which is then reported.
     pub fn read<T>(&mut self, what: &str, value: Result<T, ImportError>, kept: &str) -> Option<T> {
         value.map_err(|error| self.leave_out_for(what, &error, kept)).ok()
     }
 
-    /// Takes over what another part of the file gave.
+    /// Takes over the results of another part of the file.
     pub fn absorb(&mut self, other: Imported) {
         self.scenes.extend(other.scenes);
         self.more += other.more;
@@ -47,7 +47,7 @@ impl Imported {
         }
     }
 
-    /// All that was left out, the number of what is not named at the end.
+    /// Returns all parts left out, with the number of the unnamed ones at the end.
     pub fn listed(mut self, file: &str) -> Vec<LeftOut> {
         if self.more > 0 {
             let reason = format!("and {} more parts of this file", self.more);

@@ -1,5 +1,5 @@
-//! Levels of a log: a scene is plane, so it holds the level of the ego's way. Who is above or below it, on a bridge or in a
-//! tunnel, is left out there, because two levels do not meet.
+//! Levels of a log: a scene is plane, so it holds the level of the ego's way. Road users above or below it, on a bridge or in a
+//! tunnel, are left out there, because two levels do not meet.
 
 use super::log::{LogTrack, Parts};
 use crate::kernel::Vec2;
@@ -15,7 +15,7 @@ const NEAREST_WITHIN_M: f64 = 5.0;
 const PAIRS_MAX: usize = 200_000_000;
 
 /// Leaves out samples on another level than the ego's way, and returns the ids of those who are on another one for all time.
-/// Places count as they stand in the log.
+/// Places are taken as they are in the log.
 pub(super) fn leave_out_others(tracks: &mut [LogTrack], ego: usize, left_out: &mut Parts) -> Vec<String> {
     let way: Vec<(Vec2, f64)> = tracks.get(ego).map(placed).unwrap_or_default().into_iter().map(|(_, at)| at).collect();
     let heights = |fold: fn(f64, f64) -> f64, from: f64| way.iter().map(|(_, height)| *height).fold(from, fold);
@@ -97,7 +97,7 @@ mod tests {
         }
     }
 
-    /// Samples that are kept of somebody beside an ego that drives 100 m east and 5 m up.
+    /// Returns the number of samples that are kept of a road user beside an ego that drives 100 m east and 5 m up.
     fn kept(at: impl Fn(f64) -> (f64, f64, f64)) -> usize {
         let mut tracks = vec![track("ego", |k| (2.0 * k, 0.0, 0.1 * k)), track("other", at)];
         let mut left_out = Parts::new();

@@ -1,4 +1,4 @@
-//! A scene as a log holds it, in the log's own coordinates and times: what all logged formats are read into.
+//! A scene as a log holds it, in the log's own coordinates and times: all logged formats are read into it.
 
 use super::centreline::Across;
 use super::read_as::Conventions;
@@ -6,7 +6,7 @@ pub use super::read_as::SampleTimes;
 use crate::kernel::Vec2;
 use crate::scene::{AgentKind, LaneKind, LightState, Origin, Sample};
 
-/// A sample time at most this far from the 0.1 s grid counts as lying on it, seconds.
+/// Largest distance of a sample time from the 0.1 s grid on which it counts as lying, seconds.
 pub const ON_GRID_WITHIN_S: f64 = 0.02;
 
 /// A scene as the log holds it, in the log's coordinates.
@@ -14,13 +14,13 @@ pub const ON_GRID_WITHIN_S: f64 = 0.02;
 pub struct Log {
     /// Id of the scene.
     pub id: String,
-    /// Where it came from.
+    /// Source of the scene.
     pub origin: Origin,
     /// Time of each sample, seconds, increasing.
     pub times_s: Vec<f64>,
     /// Index of the current step in `times_s`.
     pub current: usize,
-    /// Where the local frame has its origin; `None` takes the ego's place at the current step.
+    /// Origin of the local frame; `None` takes the ego's place at the current step.
     pub frame: Option<Vec2>,
     /// Everyone, the ego included.
     pub tracks: Vec<LogTrack>,
@@ -34,7 +34,7 @@ pub struct Log {
     pub edges: Vec<Vec<Vec2>>,
     /// Crosswalks, each an outline.
     pub crosswalks: Vec<Vec<Vec2>>,
-    /// Place of each stop sign, and ids of the lanes that it holds for.
+    /// Place of each stop sign, and ids of the lanes for which it holds.
     pub stop_signs: Vec<(Vec2, Vec<String>)>,
     /// The traffic lights of its map.
     pub lights: Vec<LogLight>,
@@ -43,13 +43,13 @@ pub struct Log {
 }
 
 impl Log {
-    /// The log with its times taken so, and whether they are other times now.
+    /// Applies sample times to the log. Returns the log, and `true` if its times are different now.
     pub fn timed(mut self, times: SampleTimes) -> (Log, bool) {
         let SampleTimes::Every(step_s) = times else { return (self, false) };
         let every: Vec<f64> = (0..self.times_s.len()).map(|k| k as f64 * step_s).collect();
         let differ = every.iter().zip(&self.times_s).any(|(grid_s, own_s)| {
             let off_s = (own_s - self.times_s[0] - grid_s).abs();
-            // NaN is a time that the log does not say.
+            // NaN is a time that the log does not give.
             off_s.is_nan() || off_s > ON_GRID_WITHIN_S
         });
         self.times_s = every;
@@ -61,15 +61,15 @@ impl Log {
 pub struct LogTrack {
     /// Id in the log.
     pub id: String,
-    /// What kind of road user it is; `Err` with the log's name for it where nobody knows that kind.
+    /// Kind of road user; `Err` with the log's name for it where that is not known.
     pub kind: Result<AgentKind, String>,
-    /// 0 where the log gives none.
+    /// Length, metres; 0 where the log gives none.
     pub length_m: f64,
-    /// 0 where the log gives none.
+    /// Width, metres; 0 where the log gives none.
     pub width_m: f64,
-    /// One a time of the log; `None` where it was not observed. NaN stands for what the log does not say. `[times]`
+    /// Samples, one a time of the log; `None` where it was not observed. NaN stands for values that the log lacks. `[times]`
     pub samples: Vec<Option<Sample>>,
-    /// Height of its middle at each time, metres; NaN where the log does not say, empty where it never does. `[times]`
+    /// Height of its middle at each time, metres; NaN where the log lacks it, empty where it never has it. `[times]`
     pub heights_m: Vec<f64>,
 }
 
@@ -77,7 +77,7 @@ pub struct LogTrack {
 pub struct LogLane {
     /// Id in the log.
     pub id: String,
-    /// What kind of lane it is.
+    /// Kind of lane.
     pub kind: LaneKind,
     /// Points of the centre line, in driving direction.
     pub points: Vec<Across>,
@@ -97,11 +97,11 @@ pub struct LogLane {
 pub struct LogLight {
     /// Id of its lane.
     pub lane: String,
-    /// Where traffic stops; `None` where the log does not say.
+    /// Point where traffic stops; `None` where the log does not give it.
     pub stop_point: Option<Vec2>,
     /// One state a time of the log. `[times]`
     pub states: Vec<LightState>,
 }
 
-/// A part of a log and what became of it.
+/// Parts of a log, each with what became of it.
 pub type Parts = Vec<(String, String)>;

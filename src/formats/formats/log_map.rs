@@ -11,17 +11,17 @@ use crate::kernel::Vec2;
 use crate::scene::validate::{COORDINATE_MAX_M, LINKS_MAX};
 use crate::scene::{Lane, LaneIx, Neighbour, Road, StopSign};
 
-/// Why single points of the map are not there.
+/// Reason for leaving out single points of the map.
 const POINTS_LEFT_OUT: &str = "not finite, or farther than 100 km; the other points are kept";
 
 fn shifted(line: &[Vec2], origin: Vec2) -> Vec<Vec2> {
     line.iter().map(|p| *p - origin).collect()
 }
 
-/// Where the lanes of a log stand in the road.
+/// Index in the road of each lane of a log, by the lane's id.
 pub(super) type Index = BTreeMap<String, LaneIx>;
 
-/// The road, and where each lane of the log stands in it.
+/// Returns the road, and the index in it of each lane of the log.
 pub(super) fn road(log: &Log, origin: Vec2, left_out: &mut Parts) -> (Road, Index) {
     let mut road = Road::default();
     let mut index = Index::new();
@@ -90,7 +90,7 @@ pub(super) fn road(log: &Log, origin: Vec2, left_out: &mut Parts) -> (Road, Inde
     (road, index)
 }
 
-/// The lanes of a side that the map holds, each once.
+/// Returns the lanes of a side that the map holds, each once.
 fn beside(ids: &[String], own: LaneIx, index: &Index) -> Vec<Neighbour> {
     let mut side: Vec<Neighbour> = Vec::new();
     for &lane in ids.iter().filter_map(|id| index.get(id)) {
@@ -101,7 +101,7 @@ fn beside(ids: &[String], own: LaneIx, index: &Index) -> Vec<Neighbour> {
     side
 }
 
-/// Lines in the local frame without the points that are no places.
+/// Returns lines in the local frame without the points that are no places.
 pub(super) fn outlines(what: &str, lines: &[Vec<Vec2>], origin: Vec2, left_out: &mut Parts) -> Vec<Vec<Vec2>> {
     let mut bad = 0;
     let line = |line: &Vec<Vec2>| -> Vec<Vec2> {
@@ -117,12 +117,12 @@ pub(super) fn outlines(what: &str, lines: &[Vec<Vec2>], origin: Vec2, left_out: 
     lines
 }
 
-/// Whether a scene may hold a point.
+/// Returns `true` if a scene may hold a point.
 pub(super) fn on_the_map(point: Vec2) -> bool {
     point.is_finite() && point.x.abs() <= COORDINATE_MAX_M && point.y.abs() <= COORDINATE_MAX_M
 }
 
-/// The stop signs that have a place.
+/// Returns the stop signs that have a place.
 pub(super) fn stop_signs(
     given: &[(Vec2, Vec<String>)],
     index: &Index,

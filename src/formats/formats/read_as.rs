@@ -1,9 +1,9 @@
-//! How the fields of a file's road users are read: in the convention in which they are written, or in one that somebody names.
+//! The reading of the fields of a file's road users: in the convention in which they are written, or in one that the user names.
 
-/// How the times of a log's samples are taken.
+/// Times of a log's samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum SampleTimes {
-    /// As the log says; motion is resampled where they lie beside the grid of 0.1 s.
+    /// The log's times; motion is resampled where they lie beside the grid of 0.1 s.
     #[default]
     Recorded,
     /// One sample every so many seconds, whatever the log says.
@@ -23,7 +23,7 @@ pub enum ReadAs {
 }
 
 impl ReadAs {
-    /// The convention that somebody names; what is written where the field is derived, `None` where it is to be judged.
+    /// Returns the convention that the user names; the written one where the field is derived, `None` where it is to be judged.
     pub fn named(self) -> Option<usize> {
         match self {
             ReadAs::Judged => None,

@@ -21,7 +21,7 @@ pub struct State {
     pub speed_mps: Option<f64>,
 }
 
-/// Samples at steps `0..steps` of states sorted by time, strictly increasing. Somebody who was seen so shortly that no step
+/// Returns samples at steps `0..steps` of states sorted by time, strictly increasing. A road user seen so briefly that no step
 /// lies between two states is kept at the nearest step of each.
 pub fn resample(states: &[State], steps: usize) -> Vec<Option<Sample>> {
     let velocities: Vec<Vec2> = (0..states.len()).map(|k| velocity(states, k)).collect();

@@ -1,4 +1,4 @@
-//! Sizes of road users: what stands for one that a file does not give, and what is done with one whose length and width a
+//! Sizes of road users: the default for one that a file does not give, and the repair of one whose length and width a
 //! file holds exchanged, as ScenarioNet's conversion of nuScenes does with the ego's.
 
 use super::import_error::shown;
@@ -7,20 +7,20 @@ use crate::kernel::num;
 use crate::scene::validate::{SIDE_MAX_M, SIDE_MIN_M};
 use crate::scene::{AgentKind, LeftOut};
 
-/// A vehicle that is wider than this many times its length drives broadside: no vehicle is built so.
+/// Ratio of width to length beyond which a vehicle has its sides exchanged: no vehicle is built so wide.
 const WIDER_THAN_LONG: f64 = 1.2;
 
-/// Whether these are the sides of a vehicle whose length and width are exchanged.
+/// Returns `true` if these are the sides of a vehicle whose length and width are exchanged.
 pub fn is_broadside(kind: AgentKind, length_m: f64, width_m: f64) -> bool {
     let given = length_m.is_finite() && length_m > 0.0 && width_m.is_finite();
     given && kind == AgentKind::Vehicle && width_m > WIDER_THAN_LONG * length_m
 }
 
-/// Units of sizes that a vehicle's size tells, with how many make a metre, and a vehicle's usual length and width, metres.
+/// Units that a vehicle's size reveals, with how many make a metre, and a vehicle's usual length and width, metres.
 const UNITS: [(f64, &str); 2] = [(100.0, "centimetres"), (1000.0, "millimetres")];
 const USUAL_M: [std::ops::RangeInclusive<f64>; 2] = [3.0..=15.0, 1.4..=3.0];
 
-/// Brings sizes of another unit to metres, and says so, and who is longer or wider than anybody.
+/// Converts sizes of another unit to metres, and notes this and road users that are longer or wider than possible.
 pub fn in_metres(tracks: &mut [LogTrack], left_out: &mut Parts) {
     let vehicles = || tracks.iter().filter(|track| track.kind == Ok(AgentKind::Vehicle) && track.length_m > 0.0);
     let middle = |side: fn(&LogTrack) -> f64| num::quantile(&vehicles().map(side).collect::<Vec<_>>(), 0.5);
@@ -48,7 +48,7 @@ pub fn in_metres(tracks: &mut [LogTrack], left_out: &mut Parts) {
     }
 }
 
-/// Exchanges the sides of vehicles that are wider than long, and says so. The ego is one, whatever the log calls it.
+/// Exchanges the sides of vehicles that are wider than long, and notes it. The ego counts as a vehicle, whatever the log calls it.
 pub fn exchange(tracks: &mut [LogTrack], kinds: &[AgentKind], ego: usize, left_out: &mut Parts) {
     let mut others = Vec::new();
     for (ix, (track, kind)) in tracks.iter_mut().zip(kinds).enumerate() {
@@ -67,7 +67,7 @@ pub fn exchange(tracks: &mut [LogTrack], kinds: &[AgentKind], ego: usize, left_o
     left_out.extend(sizes_exchanged(&others).map(|reason| (LeftOut::SIZES.into(), reason)));
 }
 
-/// Says whose sides were exchanged: of several road users how many, and the first one. The sides are the file's.
+/// Names the road users whose sides were exchanged: of several their number, and the first one. The sides are the file's.
 pub fn sizes_exchanged(of: &[(&str, (f64, f64))]) -> Option<String> {
     let (id, sides) = of.first()?;
     let first = size_exchanged(&format!("track {}", shown(id)), *sides);
@@ -81,7 +81,7 @@ fn size_exchanged(whose: &str, (length_m, width_m): (f64, f64)) -> String {
     format!("size of {whose} exchanged: {length_m:.2} x {width_m:.2} m is wider than long")
 }
 
-/// A plausible box: as in the log, or else the usual size of its kind.
+/// Returns a plausible box: as in the log, or else the usual size of its kind.
 pub fn sides(log: &LogTrack, kind: AgentKind) -> (f64, f64) {
     let usual = match kind {
         AgentKind::Vehicle => (4.5, 1.9),
@@ -121,7 +121,7 @@ mod tests {
         track["state"]["width"] = json!(width_m);
     }
 
-    /// Sides of the ego and of the other, and what is said of sizes.
+    /// Returns the sides of the ego and of the other, and the notes on sizes.
     fn read(ego: (&str, f64, f64), other: (&str, f64, f64)) -> (Vec<[f64; 2]>, Vec<String>) {
         let file = described(|scene| {
             resized(&mut scene["tracks"]["1"], ego.0, ego.1, ego.2);
@@ -159,7 +159,7 @@ mod tests {
             let (sides, said) = read(("VEHICLE", 4.5, 1.9), (kind, length_m, width_m));
             assert_eq!((sides[1], said), ([length_m, width_m], vec![]), "{kind}");
         }
-        // A width alone says nothing of the length that is not there.
+        // A width alone does not give the missing length.
         assert_eq!(read(("VEHICLE", 0.0, 2.1), ("VEHICLE", 4.5, 1.9)), (vec![[4.5, 2.1], [4.5, 1.9]], vec![]));
     }
 

@@ -12,35 +12,35 @@ use crate::scene::{AgentKind, DT_S, LightState, Sample, Scene, Track, TrackIx};
 /// Motion from `from_step` on, one sample a step; before it every road user moves as logged.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Staging {
-    /// Id of the scene as played: it is another scene than the logged one.
+    /// Id of the scene as played, which is another scene than the logged one.
     pub id: String,
     /// The first simulated step of the scene.
     pub from_step: usize,
-    /// What the ego drove; the scene as played ends with it. `None` leaves the log.
+    /// Motion of the ego; the scene as played ends with it. `None` leaves the log.
     pub ego: Option<Vec<Sample>>,
     /// Tracks whose motion differs from the log; the others keep their log.
     pub tracks: BTreeMap<TrackIx, Vec<Option<Sample>>>,
     /// Road users that the logged scene does not have; they follow its tracks in order.
     pub inserted: Vec<Inserted>,
-    /// Where a rollout stopped within a step, as at a contact: the share of that step, above 0 and at most 1, at
-    /// which the last samples lie. They are carried on at their own velocity to the full step.
+    /// Share of the last step, above 0 and at most 1, after which a rollout stopped within it, as at a contact: the last samples lie
+    /// there. They are carried on at their own velocity to the full step.
     pub last_step_share: Option<f64>,
 }
 
 /// A road user that a rollout inserted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inserted {
-    /// What kind of road user it is.
+    /// Kind of road user.
     pub kind: AgentKind,
     /// Length of its box, metres.
     pub length_m: f64,
     /// Width of its box, metres.
     pub width_m: f64,
-    /// One a step of the scene; `None` where it is not there. `[steps]`
+    /// Samples, one a step of the scene; `None` where it is not there. `[steps]`
     pub samples: Vec<Option<Sample>>,
 }
 
-/// The scene to export: the logged one as it is, or as played.
+/// Returns the scene to export: the logged one as it is, or as played.
 pub(super) fn staged<'s>(
     scene: &'s Scene,
     staging: Option<&Staging>,
@@ -54,7 +54,7 @@ pub(super) fn staged<'s>(
 }
 
 impl Staging {
-    /// The scene as played: it ends with the ego's motion where that is given. Road users first seen later are left
+    /// Returns the scene as played: it ends with the ego's motion where that is given. Road users first seen later are left
     /// out and named in the notes.
     ///
     /// # Errors The staging names tracks that the scene does not have, is too long, or breaks a rule of a valid scene.
@@ -107,7 +107,7 @@ impl Staging {
         Ok(steps)
     }
 
-    /// The log before `from_step`, then the samples, `steps` in all.
+    /// Returns the log before `from_step`, then the samples, `steps` in all.
     fn joined(&self, log: &[Option<Sample>], samples: &[Option<Sample>], steps: usize) -> Vec<Option<Sample>> {
         let mut all: Vec<Option<Sample>> = log.iter().copied().take(self.from_step).collect();
         all.resize(self.from_step, None);
@@ -156,7 +156,7 @@ fn drop_unseen(played: &mut Scene, notes: &mut Vec<Note>) {
     played.objects_of_interest = interest.into_iter().filter_map(|ix| places.get(ix).copied().flatten()).collect();
 }
 
-/// Steps from `from` on in which a track is seen without a gap.
+/// Returns the steps from `from` on in which a track is seen without a gap.
 pub(super) fn stretches(track: &Track, from: usize) -> Vec<Range<usize>> {
     let mut ranges: Vec<Range<usize>> = Vec::new();
     for (step, _) in track.samples.iter().enumerate().skip(from).filter(|(_, sample)| sample.is_some()) {
@@ -168,7 +168,7 @@ pub(super) fn stretches(track: &Track, from: usize) -> Vec<Range<usize>> {
     ranges
 }
 
-/// Height where no data set gave one, metres: a car, a person, a person on a bicycle, a barrier.
+/// Returns the height where no data set gave one, metres: a car, a person, a person on a bicycle, a barrier.
 pub(super) fn height_m(track: &Track) -> f64 {
     match track.kind {
         AgentKind::Vehicle if track.length_m > 7.0 => 3.2,

@@ -22,16 +22,16 @@ use crate::kernel::Digest;
 use crate::scene::validate::how_many;
 use crate::scene::{LeftOut, Scene};
 
-/// What many files gave.
+/// Scenes of many files.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImportSummary {
-    /// In the order of the files; every one passes [`Scene::validate`]; ids are unique.
+    /// Scenes in the order of the files; every one passes [`Scene::validate`]; ids are unique.
     pub scenes: Vec<Scene>,
-    /// What was left out, with its reason.
+    /// Parts left out, with the reasons.
     pub left_out: Vec<LeftOut>,
 }
 
-/// Bytes at the start of a file that suffice to recognise its format.
+/// Number of bytes at the start of a file that suffice to recognise its format.
 pub const HEAD_BYTES: usize = 4096;
 
 /// The role of a file among the files of a list.
@@ -39,13 +39,13 @@ pub const HEAD_BYTES: usize = 4096;
 pub enum Part {
     /// A scenario or several, read without any other file.
     Alone,
-    /// Routes of SafeBench, which need what is [`Part::Beside`] them.
+    /// Routes of SafeBench, which need the files that are [`Part::Beside`] them.
     Routes,
     /// A town or SafeBench's scenario file: it holds no scene, but routes need it.
     Beside,
 }
 
-/// The role of a file, recognised by its first [`HEAD_BYTES`] bytes.
+/// Returns the role of a file, recognised by its first [`HEAD_BYTES`] bytes.
 pub fn part(head: &[u8]) -> Part {
     let head = unwrapped_head(&head[..head.len().min(HEAD_BYTES)], HEAD_BYTES);
     if has_root(&head, b"<routes") {
@@ -57,12 +57,12 @@ pub fn part(head: &[u8]) -> Part {
     }
 }
 
-/// The files that routes need: towns and scenario files, and which of them could not be read.
+/// The files that routes need: towns and scenario files, with those that could not be read.
 #[derive(Debug, Default)]
 pub struct BesideRoutes {
     found: safebench::Library,
-    /// By name and content, because files of several folders may share a name: why a file was refused, or what of it was
-    /// left out.
+    /// Results by name and content, because files of several folders may share a name: the parts left out, or why a file was
+    /// refused.
     read: BTreeMap<(String, Digest), Result<Imported, ImportError>>,
 }
 
@@ -70,7 +70,7 @@ impl BesideRoutes {
     /// Reads a file that is [`Part::Beside`]. If it cannot be read, the reason is reported when the file itself is
     /// imported.
     pub fn add(&mut self, name: &str, bytes: &[u8]) {
-        // What cannot be unwrapped says so when it is imported.
+        // A file that cannot be unwrapped is reported when it is imported.
         let Ok(bytes) = unwrapped(name, bytes) else { return };
         let bytes = bytes.as_ref();
         let mut imported = Imported::default();
@@ -81,13 +81,13 @@ impl BesideRoutes {
         };
         let key = (name.to_string(), Digest::of_bytes(bytes));
         if read.is_err() || !imported.left_out.is_empty() {
-            // Of two alike the first says what was left out.
+            // Of two equal files the first reports the parts left out.
             self.read.entry(key).or_insert(read.map(|()| imported));
         }
     }
 }
 
-/// What one file gave: scenes that break no rule, with their digests, and what was left out.
+/// Results of one file: scenes that break no rule, with their digests, and the parts left out.
 #[derive(Debug, Default)]
 pub struct FileScenes {
     scenes: Vec<(Scene, Digest)>,
@@ -133,34 +133,34 @@ pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>, conven
 }
 
 impl FileScenes {
-    /// A file that is left out as a whole.
+    /// Makes the result of a file that is left out as a whole.
     pub fn left_out(name: &str, reason: String) -> FileScenes {
         let left_out = vec![LeftOut { file: name.into(), what: String::new(), reason }];
         FileScenes { scenes: vec![], left_out }
     }
 }
 
-/// What becomes of a scene whose id a different scene has.
+/// Rule for a scene whose id a different scene has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SameId {
     /// It is left out.
     #[default]
     LeftOut,
-    /// It gets a name of its own: with its file's behind it.
+    /// It gets a name of its own, with its file's name at the end.
     Renamed,
 }
 
 /// How files are read.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
-    /// What becomes of a scene whose id a different scene has.
+    /// Rule for a scene whose id a different scene has.
     pub same_id: SameId,
     /// How the fields of road users are read.
     pub conventions: Conventions,
 }
 
-/// Puts the results of files together, in the files' order. Of two scenes with one id the first is taken, and the other
-/// as `same_id` says. What one export of ours writes in two forms, and the lists of a data set beside its scenes, are not
+/// Joins the results of files, in the files' order. Of two scenes with one id the first is taken, and the other
+/// follows `same_id`. Two forms of one scene in an export of ours, and the lists of a data set beside its scenes, are not
 /// reported.
 pub fn summed(files: impl IntoIterator<Item = (String, FileScenes)>, same_id: SameId) -> ImportSummary {
     let mut summary = ImportSummary::default();
@@ -204,7 +204,7 @@ pub fn summed(files: impl IntoIterator<Item = (String, FileScenes)>, same_id: Sa
     summary
 }
 
-/// An id that no scene has: the given one with the file's name behind it, and a number where that is taken too.
+/// Returns an id that no scene has: the given one with the file's name behind it, and a number where that is taken too.
 fn free_id(id: &str, file: &str, taken: &BTreeMap<String, (String, Digest)>) -> String {
     let stem = file.split('.').next().unwrap_or(file);
     let plain = format!("{id}@{stem}");
@@ -212,7 +212,7 @@ fn free_id(id: &str, file: &str, taken: &BTreeMap<String, (String, Digest)>) -> 
     std::iter::once(plain.clone()).chain(numbered).find(|id| !taken.contains_key(id)).unwrap_or(plain)
 }
 
-/// Whether these are the JSON and the pickle that an export writes of a scene.
+/// Returns `true` if these are the JSON and the pickle that an export writes of a scene.
 fn are_forms_of_one(a: &str, b: &str) -> bool {
     let twins = |json: &str, pickle: &str| json.strip_suffix(".json").is_some_and(|name| pickle == pickle_name(name));
     twins(a, b) || twins(b, a)
@@ -238,7 +238,7 @@ fn reason(error: &ImportError) -> String {
     format!("{}: expected {}; {}", error.place, error.expected, error.remedy)
 }
 
-/// Whether the root element of an XML file begins like this, judged by its first bytes.
+/// Returns `true` if the root element of an XML file begins like this, judged by its first bytes.
 fn has_root(bytes: &[u8], element: &[u8]) -> bool {
     let head = &bytes[..bytes.len().min(HEAD_BYTES)];
     let first = head.iter().find(|b| !b.is_ascii_whitespace() && !matches!(b, 0xef | 0xbb | 0xbf));

@@ -1,4 +1,4 @@
-//! What stands around a file's own bytes: gzip, and text in Latin-1. And the names of files that hold something else.
+//! Wrappings around a file's own bytes: gzip, and text in Latin-1. Also names of foreign files.
 
 use std::borrow::Cow;
 use std::io::Read;
@@ -9,13 +9,13 @@ use super::import_error::{ImportError, shown};
 
 /// Most bytes of a file that was unpacked; as many as the largest XML file.
 const UNPACKED_MAX: u64 = 256 << 20;
-/// Bytes in which an XML declaration ends.
+/// Number of bytes in which an XML declaration ends.
 const DECLARATION_MAX: usize = 256;
 
-/// The bytes as the readers take them: out of gzip, and an XML file that declares Latin-1 as UTF-8.
+/// Returns the bytes as the readers take them: out of gzip, and an XML file that declares Latin-1 as UTF-8.
 ///
 /// # Errors
-/// What is packed is damaged, cut off or too large, or an XML file declares an encoding that is not read.
+/// The packed data is damaged, cut off or too large, or an XML file declares an encoding that is not read.
 pub(super) fn unwrapped<'b>(file: &str, bytes: &'b [u8]) -> Result<Cow<'b, [u8]>, ImportError> {
     if !is_gzip(bytes) {
         return in_utf8(file, Cow::Borrowed(bytes));
@@ -31,7 +31,7 @@ pub(super) fn unwrapped<'b>(file: &str, bytes: &'b [u8]) -> Result<Cow<'b, [u8]>
     in_utf8(file, Cow::Owned(out))
 }
 
-/// The beginning of a file out of gzip, as far as the given beginning of the packed file reaches.
+/// Returns the beginning of a file out of gzip, as far as the given beginning of the packed file reaches.
 pub(super) fn unwrapped_head(head: &[u8], most: usize) -> Cow<'_, [u8]> {
     if !is_gzip(head) {
         return Cow::Borrowed(head);
@@ -63,7 +63,7 @@ fn in_utf8<'b>(file: &str, bytes: Cow<'b, [u8]>) -> Result<Cow<'b, [u8]>, Import
     }
 }
 
-/// The encoding that an XML file names in its declaration.
+/// Returns the encoding that an XML file names in its declaration.
 fn declared_encoding(bytes: &[u8]) -> Option<String> {
     let head = String::from_utf8_lossy(&bytes[..bytes.len().min(DECLARATION_MAX)]);
     let declaration = head.trim_start().strip_prefix("<?xml")?.split_once("?>")?.0;
@@ -73,7 +73,7 @@ fn declared_encoding(bytes: &[u8]) -> Option<String> {
     Some(value[1..].split_once(quote)?.0.trim().to_string())
 }
 
-/// What a file is that holds no scene in a form that is read, by how it begins, and what to do.
+/// Describes a file that holds no scene in a readable form, by its beginning, and says what to do.
 pub(super) fn foreign(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     const CONVERT: &str = "convert its scenes to ScenarioNet pickles, with ScenarioNet's converters";
     const BEGINNINGS: [(&[u8], &str, &str); 10] = [
@@ -101,7 +101,7 @@ pub(super) fn foreign(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     BEGINNINGS.iter().find(|(begins, ..)| bytes.starts_with(begins)).map(|(_, name, remedy)| (*name, *remedy))
 }
 
-/// What an XML file is whose root element no reader takes, and what to do.
+/// Describes an XML file whose root element no reader takes, and says what to do.
 pub(super) fn foreign_root(holds: impl Fn(&[u8]) -> bool) -> (&'static str, &'static str) {
     if holds(b"<OpenSCENARIO") {
         return ("an OpenSCENARIO file, which is written and not read", "import the scene that it was made of");
@@ -152,7 +152,7 @@ mod tests {
         }
         let other = unwrapped("f", &text("windows-1252")).unwrap_err().to_string();
         assert!(other.contains("found windows-1252") && other.contains("iconv -f windows-1252"), "{other}");
-        // Declared so, and UTF-8 all the same.
+        // Declared as Latin-1, but UTF-8 all the same.
         let utf8 = "<?xml version=\"1.0\" encoding=\"ISO-8859-1\"?><a n='K\u{f6}ln'/>".as_bytes();
         assert_eq!(unwrapped("f", utf8).unwrap().as_ref(), utf8);
         assert_eq!(unwrapped("f", b"\xf6 no declaration").unwrap().as_ref(), b"\xf6 no declaration");

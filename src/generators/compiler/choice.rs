@@ -78,7 +78,7 @@ fn spread(candidates: &[Candidate], ranked: &[usize], count: usize, apart_m: f64
     kept
 }
 
-/// What is recorded of a choice.
+/// Returns the record of a choice.
 pub fn report(situation: &Situation, part: &Part, chosen: usize) -> ActorDecision {
     let candidate = &part.candidates[chosen];
     let steps = candidate.samples.windows(2).map(|pair| pair[0].position.distance(pair[1].position));

@@ -17,7 +17,7 @@ pub enum CompileFailure {
     Node {
         /// Its name in the program.
         node: String,
-        /// What stood in its way.
+        /// Error that stopped it.
         source: StageError,
     },
     /// Γ_map, Γ_dyn or Γ_api does not hold in this scene.
@@ -27,13 +27,13 @@ pub enum CompileFailure {
         scene: String,
         /// The constraint that does not hold.
         constraint: &'static str,
-        /// Whom it does not hold for: a track, or a place beyond the tracks for an inserted road user.
+        /// Road user for which it does not hold: a track, or a place beyond the tracks for an inserted one.
         actor: TrackIx,
         /// The step of the scene.
         step: usize,
-        /// What was measured, with its unit.
+        /// Measured value, with its unit.
         found: String,
-        /// What the constraint asks for.
+        /// Requirement of the constraint.
         expected: &'static str,
     },
 }

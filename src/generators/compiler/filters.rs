@@ -74,7 +74,7 @@ fn violation(values: &[f64], bounds: &[Bound]) -> f64 {
         let excess = if *lower { bound - values[*place] } else { values[*place] - bound };
         match excess <= 0.0 {
             true => 0.0,
-            // What is no number, or no finite one, is worse than all that is.
+            // A value that is not a finite number is worse than all finite ones.
             false => (excess / bound.abs().max(1.0)).min(f64::MAX / 8.0),
         }
     };

@@ -1,17 +1,17 @@
-//! What a scene's way through the graph has come to at a node.
+//! State of a scene's way through the graph at a node.
 
 use crate::scene::TrackIx;
 use crate::stage::Part;
 
-/// What has been decided on the way to a node.
+/// Decisions on the way to a node.
 #[derive(Clone, Default)]
 pub struct Flow {
-    /// Who becomes an adversary, in order of rank.
+    /// Road users that become adversaries, in order of rank.
     pub actors: Vec<TrackIx>,
     pub parts: Vec<Part>,
-    /// Why nothing is left here, and the scene alone if this way is the one taken.
+    /// Reason why nothing is left here. If this way is the one taken, the scene is replayed without an intervention.
     pub stop: Option<String>,
-    /// Whether a filter on the way refused everything, and handed the least bad back.
+    /// True if a filter on the way refused everything and handed back the least bad.
     pub forced: bool,
     /// The choice, one index a part.
     pub chosen: Vec<usize>,

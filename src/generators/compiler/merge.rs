@@ -1,4 +1,4 @@
-//! Where two ways through the graph meet: one of them is taken, or their candidates unite.
+//! Merges two ways through the graph where they meet: one of them is taken, or their candidates unite.
 
 use super::flow::Flow;
 use crate::stage::judged::{self, Judged, Needs};
@@ -22,7 +22,7 @@ pub fn before_walking(kind: &str, settings: &Settings) -> Result<Option<Branch>,
     })
 }
 
-/// The way that follows from what the first one came to.
+/// Returns the way that follows from the result of the first one.
 pub(super) fn after_first(
     situation: &Situation,
     kind: &str,
@@ -37,7 +37,7 @@ pub(super) fn after_first(
     Ok(if serves { Branch::First } else { Branch::Second })
 }
 
-/// Whether some candidate is predicted to touch the ego, which drives as it did in its rollout.
+/// Returns `true` if some candidate is predicted to touch the ego, which drives as it did in its rollout.
 fn meets(situation: &Situation, flow: &Flow) -> bool {
     let needs = Needs { ego: true, ..Needs::default() };
     flow.parts.iter().any(|part| {

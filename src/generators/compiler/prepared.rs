@@ -79,23 +79,23 @@ impl<'p> Prepared<'p> {
         Ok(Prepared { program, source, hash, order, conditions, modules, searched: None, watched: BTreeMap::new() })
     }
 
-    /// The same that looks up and keeps what its motion and search nodes come to, for programs that differ elsewhere.
+    /// Returns the same, but with the results of its motion and search nodes looked up and kept, for programs that differ elsewhere.
     pub fn sharing(self, searched: &'p Searched) -> Prepared<'p> {
         Prepared { searched: Some(searched), ..self }
     }
 
-    /// The same that takes down what its modules come to, and looks nothing up: what was looked up asks no module.
+    /// Returns the same, but with its modules' values recorded and nothing looked up: a result that is looked up asks no module.
     pub fn watching(self) -> Prepared<'p> {
         let watched = self.modules.keys().map(|name| (*name, Arc::default())).collect();
         Prepared { searched: None, watched, ..self }
     }
 
-    /// What a module came to so far, the smallest first; nothing where nobody watches.
+    /// Returns the values of a module so far, the smallest first; nothing if nobody watches.
     pub fn watched(&self, module: &str) -> Vec<f64> {
         self.watched.get(module).map(|watched| watched.sorted()).unwrap_or_default()
     }
 
-    /// Where motion and search nodes are looked up.
+    /// Returns the place where motion and search nodes are looked up.
     pub(super) fn searched(&self) -> Option<&'p Searched> {
         self.searched
     }
@@ -125,7 +125,7 @@ impl<'p> Prepared<'p> {
         self.program.operator_graph.get(name)
     }
 
-    /// How many inputs of other nodes a node is.
+    /// Returns how many times a node is an input of another node.
     pub(super) fn feeds(&self, name: &str) -> usize {
         self.program.operator_graph.values().flat_map(|node| &node.inputs).filter(|input| *input == name).count()
     }
@@ -177,7 +177,7 @@ impl<'p> Prepared<'p> {
         Some(NodeInEffect { family: &self.program.source_family, slot: node.slot, kind: &node.kind, settings })
     }
 
-    /// What a setting comes to. Of a mechanism: its text, and the parameters that it reads.
+    /// Returns the value of a setting. For a mechanism: its text, and the parameters that it reads.
     fn resolved<'a>(&'a self, value: Setting, parameters: &'a BTreeMap<String, ParameterValue>) -> InEffect<'a> {
         match value {
             Setting::Number(number) => InEffect::Number(number),
@@ -199,7 +199,7 @@ impl<'p> Prepared<'p> {
         (0..self.conditions.len()).filter(|&rule| self.conditions[rule].boolean(&values)).collect()
     }
 
-    /// Whether the select gate opens a scene with these values of `vocabulary::SCENE`; programs without a gate open all.
+    /// Returns `true` if the select gate opens a scene with these values of `vocabulary::SCENE`; programs without a gate open all.
     pub fn opens(&self, scene_values: &[f64]) -> bool {
         let rules = self.rules(scene_values);
         let parameters = self.parameters(&rules);
@@ -222,7 +222,7 @@ impl<'p> Prepared<'p> {
         parameters
     }
 
-    /// What a node is told, with what the rules that hold tell it in place of that.
+    /// Returns the settings that a node is given; the rules that hold override them.
     fn given(&self, name: &str, node: &OperatorNode, rules: &[usize]) -> BTreeMap<String, Setting> {
         let mut given = node.settings.clone();
         for rule in rules {

@@ -72,7 +72,7 @@ fn reshaped(before: &Sample, candidate: &Candidate, settings: &Settings) -> Vec<
             let most_m = OFFSET_MPS_MAX * DT_S;
             let moved_m = (wanted_m.clamp(-OFFSET_M_MAX, OFFSET_M_MAX) - offset_m).clamp(-most_m, most_m);
             let ahead_m = own_m * share.clamp(0.0, SPEED_SHARE_MAX);
-            // Who stands cannot move sideways.
+            // A standing road user cannot move sideways.
             offset_m += if ahead_m > 0.0 { moved_m } else { 0.0 };
             driven_m += ahead_m;
             let (point, course_rad) = way.at(driven_m, &mut place);

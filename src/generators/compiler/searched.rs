@@ -1,5 +1,5 @@
-//! What motion and search nodes came to, kept for programs that are alike as far as there: an edit of a filter, a choice or a
-//! scene gate leaves the search as it was, and searches are nearly all that compiling costs.
+//! Keeps the results of motion and search nodes for programs that are alike as far as there: an edit of a filter, a
+//! choice or a scene gate leaves the search as it was, and searches are nearly all that compiling costs.
 
 use std::sync::Arc;
 
@@ -14,16 +14,16 @@ pub type Parts = Result<Arc<[Part]>, StageError>;
 #[derive(Debug)]
 pub struct Searched(LruCache<Digest, Parts>);
 
-/// Of a part besides its candidates' samples, bytes: an estimate.
+/// Estimated size of a part besides its candidates' samples, bytes.
 const PART_BYTES: usize = 4096;
 
 impl Searched {
-    /// Keeps about so many bytes.
+    /// Returns a store that keeps about this many bytes.
     pub fn new(bytes_max: usize) -> Searched {
         Searched(LruCache::weighing(bytes_max, bytes))
     }
 
-    /// What a node came to, carried out now if that is not kept.
+    /// Returns the result of a node, which is carried out now if it is not kept.
     pub(super) fn of(&self, key: Digest, carry_out: impl FnOnce() -> Parts) -> Parts {
         self.0.of(key, carry_out)
     }

@@ -46,7 +46,7 @@ pub(super) fn walk(prepared: &Prepared<'_>, stage: &Stage<'_>) -> Result<Compile
 }
 
 impl<'p> Walk<'_, 'p> {
-    /// What has been decided behind a node. The contract's check has ruled out circles and bounded the graph's size.
+    /// Returns the decisions up to and including a node. The contract's check has ruled out circles and bounded the graph's size.
     fn to(&mut self, name: &'p str) -> Result<Flow, CompileFailure> {
         if let Some(flow) = self.kept.get(name) {
             return Ok(flow.clone());
@@ -68,7 +68,7 @@ impl<'p> Walk<'_, 'p> {
         Ok(flow)
     }
 
-    /// Of two ways the one that the node takes, or both.
+    /// Returns the one of two ways that the node takes, or both merged.
     fn merged(
         &mut self,
         name: &'p str,
@@ -123,7 +123,7 @@ impl<'p> Walk<'_, 'p> {
         Ok(flow)
     }
 
-    /// What a motion or search node comes to.
+    /// Returns the parts that a motion or search node makes.
     fn searched(&self, name: &str, kind: &str, settings: &Settings, parts: Vec<Part>) -> Result<Vec<Part>, StageError> {
         let operators = &self.prepared.source().operators;
         let operator = operators.get(kind).ok_or_else(|| StageError::Missing(format!("operator {kind}")))?;
@@ -138,7 +138,7 @@ impl<'p> Walk<'_, 'p> {
         searched.of(key, || run(parts).map(Arc::from)).map(|parts| parts.to_vec())
     }
 
-    /// Digest of all that decides what a node comes to. The scene's id is part of it, because random streams are named by it: scenes of
+    /// Returns the digest of all that decides a node's result. The scene's id is part of it, because random streams are named by it: scenes of
     /// one content under two ids are searched apart, whichever is asked for first. A gate in front of everything is no part of it:
     /// where it is shut, nobody comes as far as a search.
     fn key(&self, name: &str) -> Result<Digest, CanonError> {
@@ -247,7 +247,7 @@ fn finish(
     Ok(Compiled { decision, intervention: Intervention { actions } })
 }
 
-/// What the simulator is asked to do for one adversary.
+/// Returns what the simulator is asked to do for one adversary.
 fn action(situation: &Situation, part: &Part, candidate: &Candidate) -> Action {
     let (track, from_step, samples) = (part.actor, part.window.from_step, candidate.samples.clone());
     if let Some(guest) = situation.as_guest(track) {

@@ -92,7 +92,7 @@ fn target_mps(family: TrafficFamily) -> f64 {
     }
 }
 
-/// Whether the port puts its adversary on a bicycle where the benchmark has somebody on foot: in family 1, as its scripts run.
+/// Returns `true` if the port puts its adversary on a bicycle where the benchmark has somebody on foot: in family 1, as its scripts run.
 fn rides(stage: &Stage<'_>, family: TrafficFamily) -> bool {
     family == TrafficFamily::StraightObstacle && stage.situation.plant.options().scripts == Scripts::AsRun
 }

@@ -274,9 +274,9 @@ pub fn descend(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Re
 
 /// How both searches judge a perturbed path.
 struct Judge<'a> {
-    /// Of the offset toward the ego, and of the distance to it.
+    /// Weights of the offset toward the ego, and of the distance to it.
     weights: (f64, f64),
-    /// A loss of the family's own, and whether it stands in the place of AT's.
+    /// A loss of the family's own, and whether it replaces AT's.
     module: Option<&'a Module>,
     replaces: bool,
     adversaries: Vec<usize>,
@@ -299,7 +299,7 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// What AT's loss pulls toward: the ego's rollout, and the side on which it lies at the log's closest approach.
+/// Targets of AT's loss: the ego's rollout, and the side on which it lies at the log's closest approach.
 struct Target {
     /// Logged position and ego position at every check; `None` where the ego's rollout has ended.
     checks: Vec<(Vec2, Option<Vec2>)>,

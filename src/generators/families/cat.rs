@@ -2,7 +2,7 @@
 //! motion prior with the largest posterior P(OV) * sum P(AV) P(Coll | AV, OV) over the ego's latest rollouts.
 //!
 //! The learned prior (DenseTNT) is replaced by a lane-graph goal prior; everything after it follows the method's code.
-//! Where no vehicle is marked as interacting, CAT's code attacks nobody in particular; here the moving vehicle whose
+//! If no vehicle is marked as interacting, CAT's code attacks nobody in particular; here the moving vehicle whose
 //! log comes nearest to the ego's rollout stands in, a declared choice.
 
 use super::grammar::{self, choice, number, optional, parameter, required, slot};

@@ -45,11 +45,11 @@ struct Kind {
     name: &'static str,
     /// Name of the setting that holds its behaviour.
     setting: &'static str,
-    /// What fits its roads and its road user; the first is the published template's.
+    /// Behaviours that fit its roads and its road user; the first is the published template's.
     behaviours: &'static [Behaviour],
-    /// Of the published template, in the order of [`DRAWN`].
+    /// Ranges of the published template, in the order of [`DRAWN`].
     ranges: Ranges,
-    /// What ChatScene's own search shrank its ranges to, likewise.
+    /// Ranges to which ChatScene's own search shrank them, in the same order.
     optimised: Ranges,
 }
 
@@ -245,7 +245,7 @@ pub fn family() -> Family {
     })
 }
 
-/// What a template may be composed of, kind by kind.
+/// Returns what a template may be composed of, kind by kind.
 pub fn forms() -> Vec<TemplateForm> {
     let behaviour = |of: &Behaviour| BehaviourForm { word: of.word(), describes: of.describes() };
     let form = |kind: &Kind| TemplateForm {

@@ -58,7 +58,7 @@ pub fn operator<const N: usize>(
     }
 }
 
-/// What flows into and out of a slot's operators.
+/// Returns the ports into and out of a slot's operators.
 fn ports(slot: Slot) -> (Vec<Port>, Port) {
     match slot {
         Slot::Select => (vec![], Port::Scene),
@@ -331,7 +331,7 @@ pub fn slot(name: &str, output: ValueType, features: Vec<Feature>, describes: &s
     (name.into(), MechanismSlotSpec { output, features, describes: describes.into() })
 }
 
-/// What expressions about a candidate read: the candidate itself and the actor whose candidate it is.
+/// Returns the features that expressions about a candidate read: those of the candidate and of the actor whose candidate it is.
 pub fn candidate_features() -> Vec<Feature> {
     vocabulary::CANDIDATE.iter().chain(vocabulary::ACTOR).cloned().collect()
 }

@@ -151,7 +151,7 @@ pub fn grid(family: TrafficFamily, middles: &[f64], reach: f64) -> Vec<Vec<f64>>
 /// Middles and reach of the grid that has these members in this order.
 ///
 /// # Errors
-/// What was expected, where no grid of this form has them.
+/// A description of the expected grid, if no grid of this form has them.
 pub fn grid_of(family: TrafficFamily, members: &[Vec<f64>]) -> Result<(Vec<f64>, f64), String> {
     let span = |values: &mut dyn Iterator<Item = f64>| {
         values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))

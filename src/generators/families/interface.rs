@@ -1,4 +1,4 @@
-//! What a family adds to the shared grammar, and the contract and parent program that follow from it.
+//! Additions of a family to the shared grammar, and the contract and parent program that follow from them.
 
 use std::collections::BTreeMap;
 
@@ -33,7 +33,7 @@ pub fn from_parameters(parameters: &[OwnParameter]) -> Vec<(String, Setting)> {
     parameters.iter().map(|p| (p.name.clone(), grammar::from_parameter(&p.name))).collect()
 }
 
-/// What a family adds.
+/// Additions of a family to the shared grammar.
 pub struct FamilySpec {
     pub name: &'static str,
     /// Method and reference.

@@ -42,7 +42,7 @@ pub fn sources() -> Sources {
     ])
 }
 
-/// What they declare: all that the gates judge patches by.
+/// Returns what they declare: all that the gates judge patches by.
 pub fn registry() -> Registry {
     sources().registry()
 }
@@ -79,7 +79,7 @@ mod tests {
         (0..count).map(move |index| pool_member(&options, Seed(11), index).unwrap())
     }
 
-    /// What a legal program makes of a situation.
+    /// Compiles a legal program in a situation.
     pub fn built(family: &Source, program: &Program, situation: &Situation) -> Compiled {
         compile(program, family, situation, Seed(1)).unwrap_or_else(|e| panic!("{e}"))
     }

@@ -31,7 +31,7 @@ pub fn parameters(prefix: &str) -> Vec<OwnParameter> {
     ]
 }
 
-/// What a node's settings say.
+/// Reads the prior's options from a node's settings.
 pub fn options(settings: &Settings, prefix: &str) -> Result<PriorOptions, StageError> {
     let number = |name: &str| settings.number(&format!("{prefix}{name}"));
     let count = |name: &str| settings.count(&format!("{prefix}{name}"));

@@ -1,5 +1,5 @@
-//! What AdvSim and the AT port share: a profile of 100 numbers over a traffic family's scripted scenario, searched by
-//! queries that each simulate the whole scenario. Every family names the same figures in words of its own.
+//! Search that AdvSim and the AT port share: a profile of 100 numbers over a traffic family's scripted scenario,
+//! searched by queries that each simulate the whole scenario. Every family names the same figures in words of its own.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use crate::sim::Action;
 use crate::stage::judged::Judged;
 use crate::stage::{Part, Published, Settings, Stage, StageError, scripted};
 
-/// What a source of searched profiles says of itself.
+/// Description of a source of searched profiles.
 pub struct Profiled {
     pub name: &'static str,
     pub title: &'static str,
@@ -112,13 +112,13 @@ fn parameters(prefix: &str) -> Vec<OwnParameter> {
     ]
 }
 
-/// What a source makes of a traffic family's script.
+/// Changes that a source makes to a traffic family's script.
 pub struct Setting {
     /// Figures that it sets by their names, where the script has them.
     pub figures: Vec<(&'static str, f64)>,
-    /// What its profiles stand in for.
+    /// Change of the script that its profiles describe.
     pub perturbation: Perturbation,
-    /// Whether the adversary rides a bicycle, whatever the script has.
+    /// True if the adversary rides a bicycle, whatever the script has.
     pub on_bicycle: bool,
 }
 

@@ -212,7 +212,7 @@ mod tests {
         }
     }
 
-    /// Where the first adversary goes in a compiled scene against an ego that brakes from a step on.
+    /// Returns where the first adversary goes in a compiled scene against an ego that brakes from a step on.
     fn track_of_adversary(situation: &Situation, compiled: &Compiled, brakes_from: usize) -> Vec<Sample> {
         let mut driver = BrakesFrom(brakes_from);
         let (_, trace) = sim::rollout_traced(&situation.plant, &compiled.intervention, &mut driver).unwrap();

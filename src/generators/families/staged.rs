@@ -1,5 +1,5 @@
-//! What the families of the SafeBench protocol share. Their adversary is no recorded vehicle but a road user that a
-//! traffic family brings along and that waits for the ego. So the actor operator names that road user, the timing
+//! Parts that the families of the SafeBench protocol share. Their adversary is no recorded vehicle but a road user that
+//! a traffic family brings along and that waits for the ego. So the actor operator names that road user, the timing
 //! operator leaves the moment to its trigger, and motion and search operators work on whole scenarios, each simulated
 //! against the ego when it is proposed. Where a scene belongs to no traffic family, nobody is eligible.
 

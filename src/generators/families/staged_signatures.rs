@@ -53,7 +53,7 @@ fn stage(situation: &Situation, seed: u64) -> Stage<'_> {
     Stage { situation, seed: Seed(seed), counsel: None }
 }
 
-/// What a motion operator opens in a scene.
+/// Returns the parts that a motion operator opens in a scene.
 fn opened(stage: &Stage<'_>, motion: Operator, settings: &Settings) -> Vec<Part> {
     let actor = super::staged::actor(stage, &Settings::default()).unwrap()[0];
     let from_step = stage.situation.first_step();

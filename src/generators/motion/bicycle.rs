@@ -4,7 +4,7 @@
 use crate::kernel::Vec2;
 use crate::scene::Sample;
 
-/// What a vehicle can do.
+/// Limits of what a vehicle can do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Largest acceleration and deceleration, m/s².

@@ -18,11 +18,11 @@ pub struct Candidate {
     pub score: f64,
     /// Scene step from which the actor no longer follows the samples but reacts to the ego; `None`: never.
     pub handover_step: Option<usize>,
-    /// What the actor obeys once its onset holds; then `handover_step` counts for nothing.
+    /// Law that the actor obeys once its onset holds; then `handover_step` has no effect.
     pub law: Option<Arc<Law>>,
-    /// Where a search moves several actors at once: candidates of one iterate belong together.
+    /// Iterate of a search that moves several actors at once: candidates of one iterate belong together.
     pub iterate: Option<usize>,
-    /// Where road users wait for the ego: the whole scenario, of which `samples` are the adversary's simulated motion.
+    /// Whole scenario in which road users wait for the ego; `samples` are then the adversary's simulated motion in it.
     pub scripted: Option<Arc<Scripted>>,
 }
 

@@ -8,7 +8,7 @@ use crate::kernel::num;
 use crate::sim::bicycle::DEFAULT_LIMITS;
 use crate::sim::{Phase, Speed, Until, Way};
 
-/// What the adversary does once it is set off.
+/// Behaviour of the adversary once it is set off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Behaviour {
     /// Keeps the drawn speed.
@@ -95,7 +95,7 @@ impl Behaviour {
         BEHAVIOURS[self as usize].1
     }
 
-    /// What it does, as a model is told.
+    /// Returns what it does, as a model is told.
     pub fn describes(self) -> &'static str {
         BEHAVIOURS[self as usize].2
     }
@@ -117,7 +117,7 @@ const DRIFT_M: f64 = 50.0;
 const LEGS: usize = 8;
 /// Speed of a slow block (ChatScene: 0 to 2), m/s.
 const SLOW_MPS: f64 = 1.0;
-/// Who rushes onto the ego's way stops at most this far from its middle (ChatScene's `STOP_DISTANCE`), metres.
+/// Road users that rush onto the ego's way stop at most this far from its middle (ChatScene's `STOP_DISTANCE`), metres.
 const STOP_M_MAX: f64 = 2.0;
 /// Nobody on foot runs faster than this, if not asked to (sprinters reach 12, joggers keep to 5), m/s.
 const ON_FOOT_MPS: f64 = 5.0;
@@ -134,7 +134,7 @@ pub struct Drawn {
     pub within_m: f64,
     /// Way sideways, positive to the left, metres.
     pub left_m: f64,
-    /// Whether it walks.
+    /// True if it walks.
     pub on_foot: bool,
     /// The family's own stop rule.
     pub end: Until,

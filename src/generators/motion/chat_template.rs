@@ -9,7 +9,7 @@ use crate::sim::{Script, Until};
 /// The numbers that a template draws, in the order of its ranges.
 pub const DRAWN: [&str; 6] = ["ahead_m", "aside_m", "speed_mps", "trigger_m", "act_within_m", "lateral_m"];
 
-/// What they are, in words for the model.
+/// Meanings of the drawn numbers, in words for the model.
 pub const DRAWN_MEANS: [&str; 6] = [
     "shift of the place along the ego's road; at a crossing, along its own",
     "shift of the place to the right of that road",
@@ -19,7 +19,7 @@ pub const DRAWN_MEANS: [&str; 6] = [
     "how far it moves sideways, toward the ego's way if positive; behaviours without a sideways move do not read it",
 ];
 
-/// Where a template's numbers are seen from.
+/// Frame of reference of a template's numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
     /// Direction in which a place is shifted ahead, radians.
@@ -31,9 +31,9 @@ pub struct Frame {
 /// A behaviour with the bounds of its numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Template {
-    /// What the scenario's actor does.
+    /// Behaviour of the scenario's actor.
     pub behaviour: Behaviour,
-    /// Where its numbers are seen from.
+    /// Frame of reference of its numbers.
     pub frame: Frame,
     /// Low and high of [`DRAWN`].
     pub ranges: Vec<(f64, f64)>,

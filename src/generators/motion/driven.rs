@@ -13,7 +13,7 @@ pub struct Drive {
     pub controls: Vec<Controls>,
     /// The state before the window and after each of its steps.
     pub states: Vec<State>,
-    /// What each step rests on, for its chain rule.
+    /// Intermediate values of each step, for its chain rule.
     pub turns: Vec<Turn>,
 }
 

@@ -39,7 +39,7 @@ pub const INTERVAL_STEPS_MAX: usize = 10;
 pub struct LoggedPath {
     /// History (up to three intervals), then the path.
     points: Vec<Vec2>,
-    /// How many points are history: their offset is 0.
+    /// Number of points that are history: their offset is 0.
     history: usize,
     /// Unit direction at every point.
     directions: Vec<Vec2>,

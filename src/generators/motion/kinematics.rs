@@ -7,11 +7,11 @@ use crate::kernel::{Vec2, num};
 /// How a quantity changes with a state: ∂/∂position, ∂/∂heading, ∂/∂speed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Slope {
-    /// By the position, 1/m.
+    /// Change by the position, 1/m.
     pub position: Vec2,
-    /// By the heading, 1/rad.
+    /// Change by the heading, 1/rad.
     pub heading: f64,
-    /// By the speed, s/m.
+    /// Change by the speed, s/m.
     pub speed: f64,
 }
 
@@ -27,8 +27,8 @@ impl Slope {
 /// The two controls of a vehicle; the model defines their meaning.
 pub type Controls = [f64; 2];
 
-/// What a step and its chain rule both rest on: sines, cosines and tangents are most of what either costs, so they are
-/// worked out once for the two.
+/// Intermediate values that a step and its chain rule share: sines, cosines and tangents are most of what either costs,
+/// so they are worked out once for the two.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turn {
     /// Unit vector along which the step goes, or from which its course turns.
@@ -39,8 +39,8 @@ pub struct Turn {
 
 /// A vehicle model.
 pub trait Kinematics {
-    /// What a step at a state rests on. `before` are the controls and the turn of the last step: what is held need not be
-    /// worked out again.
+    /// Returns the intermediate values of a step at a state. `before` are the controls and the turn of the last step:
+    /// values of controls that are held need not be worked out again.
     fn turn(&self, state: &State, controls: Controls, dt_s: f64, before: Option<(Controls, Turn)>) -> Turn;
 
     /// The state `dt_s` later, by the step's turn.
@@ -332,7 +332,7 @@ mod tests {
 
     type Plain<K> = fn(&K, &State, Controls, &Slope) -> (State, Slope, Controls);
 
-    /// Whether a motion and its slopes are those of the plain form, bit for bit.
+    /// Returns `true` if a motion and its slopes are those of the plain form, bit for bit.
     fn is_plain<K: Kinematics>(model: &K, plain: Plain<K>, start: State, controls: &[Controls]) -> bool {
         let (states, turns) = unroll(model, start, controls, 0.1);
         let slopes = slopes(&states);

@@ -1,5 +1,5 @@
-//! What moves: vehicle models, motion priors, offsets, tokens, the scripts of traffic families, and the candidates that
-//! they give. Nothing here knows an ego, a program or a search.
+//! Motion of road users: vehicle models, motion priors, offsets, tokens, the scripts of traffic families, and the
+//! candidates that they give. Nothing here knows an ego, a program or a search.
 
 pub mod bicycle;
 pub mod candidate;

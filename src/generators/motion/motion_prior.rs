@@ -96,7 +96,7 @@ pub struct Goals<'a> {
 }
 
 impl Goals<'_> {
-    /// How many there are.
+    /// Returns the number of goals.
     pub fn count(&self) -> usize {
         self.goals.len()
     }
@@ -146,7 +146,7 @@ fn ways_and_goals(
     (ways, goals)
 }
 
-/// What suppression leaves of the goals.
+/// Returns the goals that suppression leaves.
 fn survivors(mut goals: Vec<Goal>, anchor: &Sample, options: &PriorOptions, stream: &mut Stream) -> Vec<Goal> {
     goals.sort_by(|a, b| b.log_prior.total_cmp(&a.log_prior));
     let radius_m = options.nms_radius_m * speed_share(anchor.speed_mps());

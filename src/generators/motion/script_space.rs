@@ -15,7 +15,7 @@ pub enum Perturbation {
     Speeds {
         /// Speed asked for at u = 1, m/s.
         mps_max: f64,
-        /// What comes before the profile and stays as it is.
+        /// Phase before the profile, which stays as it is.
         lead: Option<Phase>,
         /// Width of the moving average over the numbers.
         smoothing: usize,
@@ -29,7 +29,7 @@ pub enum Perturbation {
         length_m: f64,
         /// Speed along it, m/s.
         mps: f64,
-        /// What comes before the profile and stays as it is.
+        /// Phase before the profile, which stays as it is.
         lead: Option<Phase>,
         /// Width of the moving average over the numbers.
         smoothing: usize,
@@ -50,7 +50,7 @@ pub struct ScriptSpace {
 }
 
 impl ScriptSpace {
-    /// How many numbers a point has.
+    /// Returns the number of coordinates of a point.
     pub fn dimensions(&self) -> usize {
         match &self.perturbation {
             Perturbation::Template(template) => template.ranges.len(),
@@ -84,7 +84,7 @@ impl ScriptSpace {
     }
 }
 
-/// What hides a road user stays where it hides it.
+/// Shifts what hides a road user, so that it still hides it.
 fn shift_what_stands(actions: &mut [Action], by: Vec2) {
     for action in actions {
         if let Action::Triggered(script) = action

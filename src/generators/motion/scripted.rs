@@ -13,7 +13,7 @@ const CONTACT: f64 = 10.0;
 pub struct Scripted {
     /// In the simulator's order; the first is the reference actor.
     pub actions: Vec<Action>,
-    /// Whether the ego touched one of the scripted road users.
+    /// True if the ego touched one of the scripted road users.
     pub contact: bool,
     /// Smallest distance of the ego to one of them, metres.
     pub distance_m_min: f64,

@@ -103,9 +103,9 @@ pub enum LayoutError {
     Count {
         /// Name of the traffic family.
         family: &'static str,
-        /// How many it has.
+        /// Number of parameters that it has.
         expected: usize,
-        /// How many were given.
+        /// Number of parameters that were given.
         found: usize,
     },
     /// A parameter's value cannot be used.
@@ -125,7 +125,7 @@ pub enum LayoutError {
         scene: String,
         /// Name of the traffic family.
         family: &'static str,
-        /// What the road lacks.
+        /// Part that the road lacks.
         what: &'static str,
     },
 }
@@ -216,7 +216,7 @@ fn actor(kind: AgentKind, size_m: (f64, f64), spawn: Pose, trigger: Trigger, pha
     Action::Triggered(Script { kind, length_m: size_m.0, width_m: size_m.1, spawn, trigger, phases })
 }
 
-/// Where a script ends that has a stop condition: there, or, as it runs, nowhere.
+/// Returns the end of a script that has a stop condition: there, or, as it runs, nowhere.
 fn stop(m: f64, scripts: Scripts) -> Until {
     match scripts {
         Scripts::AsDefined => Until::Driven { m },

@@ -5,6 +5,6 @@
 pub struct Window {
     /// Scene step of the first changed sample.
     pub from_step: usize,
-    /// How many samples are changed.
+    /// Number of samples that are changed.
     pub steps: usize,
 }

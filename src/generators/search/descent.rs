@@ -30,7 +30,7 @@ pub struct Mover {
 }
 
 impl Mover {
-    /// What a part does at a place of its space.
+    /// Returns the motion of a part at a place of its space.
     pub fn new(situation: &Situation, part: &Part, driven: &dyn Driven, place: Vec<f64>) -> Mover {
         let drive = driven.drive(&place);
         let body = |(k, state): (usize, &State)| {
@@ -92,7 +92,7 @@ pub fn covered(movers: &[Mover]) -> std::ops::Range<usize> {
     from..movers.iter().map(|m| m.steps().end).max().unwrap_or(from)
 }
 
-/// Where a loss writes its slopes: for each mover at its states and, directly, at its decision vector.
+/// Slopes that a loss writes: for each mover at its states and, directly, at its decision vector.
 #[derive(Clone, Debug, Default)]
 pub struct Slopes {
     /// By each state of each mover. `[movers][states]`
@@ -121,9 +121,9 @@ impl Slopes {
 /// A loss in two parts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Terms {
-    /// What draws adversaries to the ego.
+    /// Part that draws adversaries to the ego.
     pub attack: f64,
-    /// What keeps them plausible.
+    /// Part that keeps them plausible.
     pub rest: f64,
 }
 
@@ -134,7 +134,7 @@ impl Terms {
     }
 }
 
-/// What a loss is asked about.
+/// Inputs of a loss.
 #[derive(Clone, Copy, Debug)]
 pub struct Asked<'a> {
     /// The adversaries' motions.
@@ -143,14 +143,14 @@ pub struct Asked<'a> {
     pub ego: &'a EgoPath,
     /// Nothing counts from this scene step on: the rollout is broken off there.
     pub until: usize,
-    /// Whether the slopes of the attack are wanted: not while the ego is being met, for then a search looks for the most
-    /// plausible motion that still does.
+    /// True if the slopes of the attack are wanted: not while the ego is being met, for then a search looks for the
+    /// most plausible motion that still does.
     pub attacks: bool,
-    /// Whether the motions may be chosen: of others only the slopes are of use, and their cost may be left out of the value.
+    /// True if the motions may be chosen. If not, only the slopes are of use, and their cost may be left out of the value.
     pub is_eligible: bool,
 }
 
-/// What a search goes down.
+/// Loss that a search minimises.
 pub trait Objective {
     /// The loss; its slopes are added to `slopes`.
     fn loss(&self, asked: &Asked<'_>, slopes: &mut Slopes) -> Terms;
@@ -167,15 +167,14 @@ impl<F: Fn(&[Mover], &EgoPath, &mut Slopes) -> f64> Objective for F {
     }
 }
 
-/// What all adversaries did at one iteration.
+/// State of all adversaries at one iteration.
 #[derive(Clone, Debug)]
 pub struct Iterate {
     /// The movers at this point.
     pub movers: Vec<Mover>,
-    /// What each term of the loss gives here.
+    /// Value of each term of the loss here.
     pub terms: Terms,
-    /// Whether the ego, simulated against exactly these motions, touched an adversary before the rollout was broken off;
-    /// `None`: not simulated.
+    /// True if the ego, simulated against exactly these motions, touched an adversary before the rollout was broken off; `None`: not simulated.
     pub contact: Option<bool>,
     /// Scene step at which the objective broke the rollout off; `None`: it did not.
     pub broken_off: Option<usize>,
@@ -213,7 +212,7 @@ pub fn descend(situation: &Situation, parts: &[Part], descent: &Descent, objecti
         let mut contact = None;
         if has_met || iteration % descent.replay_every.max(1) == 0 || iteration == last {
             let scripts = movers.iter().map(|m| (m.actor, m.from_step, m.samples())).collect();
-            // Who is broken off is asked for nothing later, unless its path serves further iterations.
+            // Nothing is needed of a rollout beyond its break-off, unless its path serves further iterations.
             let until = broken_off.filter(|_| has_met || descent.replay_every <= 1);
             let Some(response) = ego_rollout::respond(situation, scripts, until) else { break };
             // Within the step that would have followed the path's last.
@@ -247,7 +246,7 @@ pub fn descend(situation: &Situation, parts: &[Part], descent: &Descent, objecti
     iterates
 }
 
-/// What the parts do at the start of a search: they follow their records.
+/// Returns the motions of the parts at the start of a search: they follow their records.
 pub fn at_record(situation: &Situation, parts: &[Part]) -> Vec<Mover> {
     let spaces = parts.iter().filter_map(|part| Some((part, part.driven.as_deref()?)));
     spaces.map(|(part, driven)| Mover::new(situation, part, driven, driven.start().to_vec())).collect()

@@ -1,5 +1,5 @@
-//! What searches: gradient descent over motions of several adversaries, Adam, particle swarms, black-box queries, and
-//! CAT's collision posterior. A search knows losses and candidates, but no family.
+//! Searches: gradient descent over motions of several adversaries, Adam, particle swarms, black-box queries, and CAT's
+//! collision posterior. A search knows losses and candidates, but no family.
 
 pub mod adam;
 pub mod descent;

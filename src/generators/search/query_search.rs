@@ -21,9 +21,9 @@ pub struct Queries {
 pub struct Answer<T> {
     /// Smaller is better.
     pub loss: f64,
-    /// Whether the goal is reached, so that the search may stop.
+    /// True if the goal is reached, so that the search may stop.
     pub success: bool,
-    /// What the simulation left behind.
+    /// Result that the simulation left behind.
     pub made: T,
 }
 

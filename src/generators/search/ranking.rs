@@ -20,7 +20,7 @@ pub enum Ending {
     Unsolvable,
 }
 
-/// Between the scores of two endings.
+/// Difference between the scores of two endings.
 const TIER: f64 = 1000.0;
 /// Losses are squeezed below this, so that no loss outweighs an ending.
 const LOSS_MAX: f64 = 400.0;
@@ -31,14 +31,14 @@ pub fn score(ending: Ending, loss: f64) -> f64 {
     -TIER * f64::from(ending as u8) - squeezed
 }
 
-/// Whether a score is one of [`Ending::Met`].
+/// Returns `true` if a score is one of [`Ending::Met`].
 pub fn is_met(score: f64) -> bool {
     score > -0.5 * TIER
 }
 
 /// Indices of at most `most` iterates, in order: of those that meet the ego and of the others the one with the smallest
-/// loss, the last, and an even selection; two thirds of the room for those that meet it. Whose rollout is broken off
-/// before the ego is met is left out.
+/// loss, the last, and an even selection; two thirds of the room for those that meet it. Iterates whose rollout is broken off
+/// before the ego is met are left out.
 pub fn selection(iterates: &[Iterate], most: usize) -> Vec<usize> {
     let meets = |k: &usize| iterates[*k].contact == Some(true);
     let usable = (0..iterates.len()).filter(|k| meets(k) || iterates[*k].broken_off.is_none());
@@ -78,7 +78,7 @@ pub fn judged(situation: &Situation, iterate: &Iterate, module: &Module, prior: 
     num::sum(iterate.movers.iter().map(of)) / iterate.movers.len().max(1) as f64
 }
 
-/// What counts as implausible: a candidate's feature, the value up to which anybody may go, and the excess that costs 1.
+/// Limits of the plausible: a candidate's feature, the value up to which anybody may go, and the excess that costs 1.
 const EXCESSES: [(&str, f64, f64); 4] = [
     ("acceleration_mps2_max", 4.0, 2.0),
     ("lateral_acceleration_mps2_max", 4.0, 2.0),
@@ -92,7 +92,7 @@ const ROAD_STRIDE: usize = 3;
 /// Cost of running into a bystander that the recorded motion does not touch.
 const BYSTANDER: f64 = 2.0;
 
-/// What records do, against which iterates are held.
+/// Measures of the records, with which iterates are compared.
 #[derive(Clone, Debug)]
 pub struct Plausibility<'a> {
     situation: &'a Situation,

@@ -15,7 +15,7 @@ const LANE_WITHIN_M: f64 = 4.0;
 /// Log and route are compared at every this many samples for crossing.
 const CROSSING_STRIDE: usize = 3;
 
-/// What is known of a possible adversary.
+/// Facts about a possible adversary.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ActorFacts {
     /// In the order of `vocabulary::ACTOR`; booleans as 0 and 1.
@@ -23,7 +23,7 @@ pub struct ActorFacts {
 }
 
 impl ActorFacts {
-    /// Of a road user that is not there yet: far away, never near, everything else 0 and false.
+    /// Returns the facts of a road user that is not there yet: far away, never near, everything else 0 and false.
     pub fn of_guest() -> ActorFacts {
         let value = |name: &str| match name {
             "gap_m" | "path_distance_m_min" => FAR_M,

@@ -16,7 +16,7 @@ pub struct Bystanders {
 }
 
 impl Bystanders {
-    /// Over the scene steps `steps`.
+    /// Returns the bystanders over the scene steps `steps`.
     pub fn of(situation: &Situation, adversaries: &[TrackIx], steps: std::ops::Range<usize>) -> Bystanders {
         let tracks = &situation.scene.tracks;
         let at = |step: usize| {
@@ -31,8 +31,8 @@ impl Bystanders {
         step.checked_sub(self.from_step).and_then(|k| self.boxes.get(k)).map_or(&[], Vec::as_slice)
     }
 
-    /// Those who would not be in the ego's way in a simulation from `first` on, where it stands at `start`: who is
-    /// behind it and so follows it, and who overlaps its undisturbed path, which the simulator spares.
+    /// Returns the tracks that would not be in the ego's way in a simulation from `first` on, where it stands at `start`:
+    /// those behind it, which follow it, and those that overlap its undisturbed path, which the simulator spares.
     pub fn making_way(&self, situation: &Situation, first: usize, start: &Sample, count: usize) -> Vec<TrackIx> {
         let frame = Pose { position: start.position, heading_rad: start.heading_rad };
         let follows = |body: &OrientedBox| {

@@ -21,7 +21,7 @@ impl EgoPath {
         EgoPath { from_step, samples, boxes, length_m, width_m }
     }
 
-    /// Where the ego was at a scene step; `None` before its start and after its rollout ended.
+    /// Returns the ego's sample at a scene step; `None` before its start and after its rollout ended.
     pub fn at(&self, step: usize) -> Option<&Sample> {
         self.samples.get(step.checked_sub(self.from_step)?)
     }

@@ -23,7 +23,7 @@ const COMFORTABLE_MPS2: f64 = 1.0;
 /// Both labels of the method saturate over this distance, metres.
 const LABEL_SCALE_M: f64 = 8.0;
 
-/// What one candidate and the answering ego do to each other.
+/// Effects of one candidate and the answering ego on each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
     /// Index of the sample at which the boxes first overlap; of the nearest approach where they never do.

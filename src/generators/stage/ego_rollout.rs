@@ -1,4 +1,4 @@
-//! What the ego does about adversaries: its policy simulated in the scene with their motions scripted.
+//! Response of the ego to adversaries: its policy simulated in the scene with their motions scripted.
 
 use super::ego_path::EgoPath;
 use super::situation::Situation;
@@ -77,7 +77,7 @@ mod tests {
                 let steps = part.path.steps();
                 assert_eq!((steps.start, steps.end), (whole.path.steps().start, end.min(until + 1)), "{until}");
                 assert!(steps.clone().all(|step| part.path.at(step) == whole.path.at(step)), "{until}");
-                // Who reads a contact in time reads the same.
+                // A reader that sees a contact in time sees the same.
                 let in_time = |of: &Response| of.contact && of.path.steps().end <= until;
                 assert_eq!(in_time(&part), in_time(&whole), "{until}");
                 truncated += usize::from(steps.end < end);

@@ -1,11 +1,11 @@
-//! What a candidate would do to the ego of the known rollout, and what harm it adds to the actor's own recording.
+//! Effect that a candidate would have on the ego of the known rollout, and the harm that it adds to the actor's own recording.
 
 use super::situation::Situation;
 use crate::kernel::{Vec2, num};
 use crate::scene::{DT_S, Sample, TrackIx};
 use crate::sim::{Side, Striker, meeting};
 
-/// Who is within this much beside the ego's way is in it, metres.
+/// Road users within this much beside the ego's way are in it, metres.
 const SIDE_ROOM_M: f64 = 0.3;
 /// The ego sees so far, metres, and to either side by this cosine (100 degrees off its heading).
 const SIGHT_M: f64 = 60.0;
@@ -29,11 +29,11 @@ pub struct Foreseen {
     /// Which side of the ego is touched; none where nothing is.
     pub side: Option<Side>,
     pub striker: Option<Striker>,
-    /// How long before it the candidate has been in the ego's way and in its sight, without a break.
+    /// Time before it that the candidate has been in the ego's way and in its sight, without a break.
     pub seen_coming_s: f64,
 }
 
-/// What a candidate comes to against the ego's rollout.
+/// Returns how a candidate meets the ego's rollout.
 pub fn foreseen(samples: &[Sample], whose: Whose<'_>) -> Foreseen {
     let Some((at, touches)) = nearest(samples, whose) else { return Foreseen::default() };
     let situation = whose.situation;
@@ -75,7 +75,7 @@ fn nearest(samples: &[Sample], whose: Whose<'_>) -> Option<(usize, bool)> {
     best.map(|(k, _)| (k, false))
 }
 
-/// Whether a sample lies within the ego's sight at that step, and beside the way that it drives until `until`.
+/// Returns `true` if a sample is in the ego's sight at that step, and within [`SIDE_ROOM_M`] of the way that it drives until `until`.
 fn is_threat(sample: &Sample, whose: Whose<'_>, step: usize, until: usize) -> bool {
     let situation = whose.situation;
     let Some(ego) = situation.ego.at(step) else { return false };
@@ -94,8 +94,8 @@ fn is_threat(sample: &Sample, whose: Whose<'_>, step: usize, until: usize) -> bo
     })
 }
 
-/// What a candidate adds to the worst of the actor's own recording: metres off the road, m/s², m/s³; and its metres against
-/// the direction of lanes.
+/// Harm that a candidate adds to the worst of the actor's own recording: metres off the road, m/s², m/s³; and its
+/// metres against the direction of lanes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Harm {
     pub wrong_way_m: f64,

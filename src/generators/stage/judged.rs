@@ -14,7 +14,7 @@ const FAR_GAP_M: f64 = 50.0;
 /// Road and bystander checks look at every this many samples.
 const STRIDE: usize = 5;
 
-/// What is needed to judge a candidate besides itself.
+/// Facts that are needed to judge a candidate besides itself.
 #[derive(Clone, Copy, Debug)]
 pub struct Judged<'a> {
     pub situation: &'a Situation,
@@ -224,7 +224,7 @@ fn until_contact<'s>(samples: &'s [Sample], ego: &EgoRelation) -> &'s [Sample] {
     &samples[..ego.samples.min(samples.len())]
 }
 
-/// Shortest logged way of which a share is told, metres; the same as realism's.
+/// Shortest logged way of which a share is given, metres; the same as realism's.
 const LOGGED_WAY_M_MIN: f64 = 5.0;
 
 /// Arc length of the last sample's place along the logged way over that of the log at the same time: what the diagnostic

@@ -1,5 +1,5 @@
-//! What a family works on: the situation of a scene against an ego, who can be an adversary there, the parts of a
-//! decision while it is made, what a candidate's features are, and what a family itself is to those who work with it.
+//! Material that a family works on: the situation of a scene against an ego, who can be an adversary there, the parts
+//! of a decision while it is made, a candidate's features, and the form in which a family itself is used.
 
 pub mod actors;
 pub mod bystanders;

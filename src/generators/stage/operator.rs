@@ -1,4 +1,4 @@
-//! What operators work on: the parts of a decision, the settings of a node, and expressions ready to be asked.
+//! Material that operators work on: the parts of a decision, the settings of a node, and expressions ready to be asked.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -18,11 +18,11 @@ pub struct Part {
     pub actor: TrackIx,
     pub window: Window,
     pub candidates: Vec<Candidate>,
-    /// Where the motion operator opens a continuous space instead of listing candidates.
+    /// Continuous space that the motion operator opens instead of listing candidates.
     pub offsets: Option<OffsetSpace>,
-    /// Likewise, where the motion is a differentiable function of a decision vector.
+    /// Likewise, a motion that is a differentiable function of a decision vector.
     pub driven: Option<Arc<dyn Driven>>,
-    /// How many whole scenarios were simulated against the ego on the way to these candidates, whatever became of them.
+    /// Number of whole scenarios that were simulated against the ego on the way to these candidates, whatever became of them.
     pub simulated: usize,
 }
 
@@ -32,12 +32,12 @@ pub type Operator = fn(&Stage<'_>, &Settings, &mut [Part]) -> Result<(), StageEr
 /// An actor operator of a family's own: who becomes an adversary.
 pub type ActorOperator = fn(&Stage<'_>, &Settings) -> Result<Vec<TrackIx>, StageError>;
 
-/// Where and for what a program is being compiled.
+/// Scene, seed and counsel for which a program is being compiled.
 #[derive(Clone, Copy, Debug)]
 pub struct Stage<'a> {
     pub situation: &'a Situation,
     pub seed: Seed,
-    /// Who is advised to attack in this scene; only families that take counsel are given one.
+    /// Counsel on who attacks in this scene; only families that take counsel are given one.
     pub counsel: Option<&'a Counsel>,
 }
 
@@ -65,11 +65,11 @@ pub struct Module {
     pub needs: Needs,
     /// Values of scene features and parameters, which follow the slot's features in the scope.
     pub tail: Vec<f64>,
-    /// Takes down what it comes to, where somebody wants to know.
+    /// Recorder of its values, if somebody wants to know them.
     pub watched: Option<Arc<Watched>>,
 }
 
-/// What a module came to, each time that it was asked.
+/// Values of a module, one for each time that it was asked.
 #[derive(Debug, Default)]
 pub struct Watched(Mutex<Vec<f64>>);
 

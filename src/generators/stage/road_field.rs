@@ -32,7 +32,7 @@ pub struct RoadField {
 }
 
 impl RoadField {
-    /// Around all that moves in a scene; `None` for a road without lanes: then nothing is off the road.
+    /// Returns the field around all that moves in a scene; `None` for a road without lanes: then nothing is off the road.
     pub fn of(scene: &Scene, lanes: &LaneGraph) -> Option<RoadField> {
         if lanes.lane_count() == 0 {
             return None;
@@ -99,7 +99,7 @@ struct Patch {
     corners: [f64; 4],
     /// Shares of the cell that the point lies in.
     at: (f64, f64),
-    /// Whether the distance changes along x and y: not beyond the border.
+    /// True if the distance changes along x and y: not beyond the border.
     free: (bool, bool),
     cell_m: f64,
 }
@@ -205,7 +205,7 @@ pub fn gaussian_departure(field: &RoadField, point: Vec2, sigma_m: f64) -> (f64,
     gaussian_pull(field, point, sigma_m).map_or((0.0, Vec2::ZERO), |(t, pull)| (gaussian_mass(t), pull))
 }
 
-/// Of KING's cost of a point beside the road, [`gaussian_mass`], the distance in deviations and the slope; `None` where a point
+/// Returns, for KING's cost of a point beside the road, [`gaussian_mass`], the distance in deviations and the slope; `None` where a point
 /// costs nothing.
 #[inline]
 pub fn gaussian_pull(field: &RoadField, point: Vec2, sigma_m: f64) -> Option<(f64, Vec2)> {

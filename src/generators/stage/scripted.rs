@@ -13,7 +13,7 @@ use crate::sim::{self, Action, ActorRef, Intervention};
 
 /// Timing kind of such families: the whole run, because the scenario's own trigger decides when it begins.
 pub const EGO_TRIGGER: &str = "ego_trigger";
-/// What stands for a distance where nobody came near, metres.
+/// Distance that counts if nobody came near, metres.
 const FAR_M: f64 = 200.0;
 
 /// Simulates a scenario whose action `adversary` is the one that a family perturbs. `None` where the simulator refuses

@@ -15,7 +15,7 @@ use crate::sim::{self, ActorRef, Intervention, Outcome, Plant, SimError, Trace};
 /// in the goals.
 const MEASURED_GOALS_MAX: usize = 16;
 
-/// What says which goals were measured.
+/// Key of the goals that were measured.
 pub type GoalsKey = [u64; 6];
 
 /// A scene with everything derived from it and from the ego's rollout on it as recorded.
@@ -23,7 +23,7 @@ pub type GoalsKey = [u64; 6];
 pub struct Situation {
     pub scene: Arc<Scene>,
     pub plant: Plant,
-    /// Who drives the ego, for searches that simulate it again.
+    /// Policy that drives the ego, for searches that simulate it again.
     pub policy: ego::Policy,
     pub lanes: Arc<LaneGraph>,
     /// The ego's closed-loop rollout on the unchanged scene.
@@ -39,7 +39,7 @@ pub struct Situation {
     /// Road users that a program may insert: vehicle, cyclist, pedestrian, never observed.
     guests: [Track; 3],
     guest_facts: ActorFacts,
-    /// What programs measured of goals, for those that come after them.
+    /// Measurements of goals by earlier programs, kept for later ones.
     pub measured_goals: LruCache<GoalsKey, Arc<[f64]>>,
     /// Built on first use: few families need it.
     road_field: OnceLock<Option<RoadField>>,

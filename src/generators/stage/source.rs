@@ -18,7 +18,7 @@ pub struct Source {
     pub contract: Contract,
     /// Ids and lineage are filled in by the lineage that adopts it.
     pub parent: Program,
-    /// What the search goes through and ranks, on which scale, and one edit with its effect, for prompts. Figures are the parent's.
+    /// The space that the search goes through, its ranking with the scale, and one edit with its effect, for prompts. Figures are the parent's.
     pub search_in_words: &'static str,
     /// Motion and search kinds -> what they do.
     pub operators: BTreeMap<&'static str, Operator>,
@@ -29,7 +29,7 @@ pub struct Source {
     pub published: Option<Published>,
 }
 
-/// What a lineage may start from in place of its family's parent, whose search here runs anew.
+/// Program from which a lineage may start in place of its family's parent, whose search here runs anew.
 #[derive(Clone, Debug)]
 pub struct Published {
     pub program: Program,
@@ -38,12 +38,12 @@ pub struct Published {
     pub kind: Option<&'static str>,
 }
 
-/// What a family asks of agents besides patches.
+/// Questions that a family has for agents besides patches.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Asks {
-    /// Who should attack, scene by scene.
+    /// Counsel on who should attack, scene by scene.
     pub counsel: Option<AskCounsel>,
-    /// What the templates of its parent are composed of.
+    /// Composition of the templates of its parent.
     pub templates: Option<AskTemplates>,
 }
 
@@ -54,20 +54,19 @@ pub struct AskCounsel {
     pub blind: fn(&Program) -> Program,
     /// Most vehicles that a program lets attack together.
     pub attackers_max: fn(&Program) -> Result<usize, StageError>,
-    /// So many vehicles as the agent is shown them, the most promising first.
+    /// Returns this many vehicles as the agent is shown them, the most promising first.
     pub vehicles: fn(&Stage<'_>, &Program, usize) -> Result<Vec<Vehicle>, StageError>,
-    /// What became of a set of attackers that was tried.
+    /// Returns what became of a set of attackers that was tried.
     pub trial: fn(&Situation, &Outcome, LeaderWay<'_>) -> Trial,
 }
 
-/// What the first attacker was to drive: the scene step of the first sample, and the samples. Asked for only where
-/// somebody must know.
+/// Motion that the first attacker was to drive: the scene step of the first sample, and the samples. Asked for only where somebody must know.
 pub type LeaderWay<'a> = &'a mut dyn FnMut() -> (usize, Vec<Sample>);
 
 /// How templates are composed.
 #[derive(Clone, Copy, Debug)]
 pub struct AskTemplates {
-    /// What a template may be composed of, a form for each kind of scenario.
+    /// Parts from which a template may be composed, a form for each kind of scenario.
     pub forms: fn() -> Vec<TemplateForm>,
     /// The kind of scenario that a scene is; `None` for scenes that no template is for.
     pub kind_of: fn(&Scene) -> Option<&'static str>,
@@ -130,7 +129,7 @@ impl Sources {
         Sources(self.0.into_iter().map(|(name, source)| (name, change(source))).collect())
     }
 
-    /// What the gates judge patches by.
+    /// Returns the registry by which the gates judge patches.
     pub fn registry(&self) -> Registry {
         Registry::new(self.iter().map(|of| Family { contract: of.contract.clone(), parent: of.parent.clone() }))
     }

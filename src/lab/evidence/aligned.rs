@@ -123,7 +123,7 @@ fn length(text: &str) -> usize {
     text.chars().count()
 }
 
-/// What becomes of a word that is longer than a line.
+/// Treatment of a word that is longer than a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LongWord {
     /// It is broken, so that no line is too wide: columns stand beside each other.

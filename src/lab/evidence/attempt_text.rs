@@ -16,7 +16,7 @@ pub struct Exchanged {
     /// Role and text of each message.
     pub messages: Vec<(String, String)>,
     pub reply: String,
-    /// What a provider said about the reply; the scripted model says nothing.
+    /// Remarks of a provider on the reply; the scripted model makes none.
     pub metadata: Option<String>,
 }
 

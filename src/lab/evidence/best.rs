@@ -13,7 +13,7 @@ use crate::objects::{Attempt, LineageId, SceneScore, SolutionId};
 use crate::scene::AgentKind;
 use crate::sim::AdversaryReport;
 
-/// What comes first.
+/// Order of rollouts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum By {
     /// Contacts that count by their impact speed, then everything else by how near it came to one.
@@ -25,7 +25,7 @@ pub enum By {
 /// A rollout with what it is ranked by.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ranked {
-    /// Whose program.
+    /// Lineage of the program.
     pub lineage: LineageId,
     /// The program: an attempt or a lineage's parent.
     pub program: SolutionId,
@@ -43,7 +43,7 @@ pub struct Ranked {
     pub ttc_s_min: Option<f64>,
     /// Nearest an adversary came (anyone, where there is none), metres.
     pub distance_m_min: Option<f64>,
-    /// Those who acted.
+    /// Adversaries that acted.
     pub adversaries: Vec<Acting>,
     /// Digest of the stored rollout.
     pub record: Digest,
@@ -54,7 +54,7 @@ pub struct Ranked {
 /// An adversary that acted: whether it does what its kind does is read off its speed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Acting {
-    /// What it is.
+    /// Kind of road user.
     pub kind: AgentKind,
     /// Its largest speed, m/s.
     pub speed_mps_max: f64,
@@ -67,7 +67,7 @@ pub struct Met {
     pub at_s: f64,
     /// Relative speed, m/s.
     pub speed_mps: f64,
-    /// Whether it is an adversary of the program.
+    /// True if it is an adversary of the program.
     pub adversary: bool,
 }
 
@@ -80,7 +80,7 @@ pub struct Best {
     pub lacking: usize,
 }
 
-/// What became of a program, in a few words: whether it is reported, accepted, or neither.
+/// Says in a few words what became of a program: whether it is reported, accepted, or neither.
 pub fn standing(run: &RecordedRun, program: &SolutionId) -> &'static str {
     let lineages = run.result.iter().flat_map(|result| &result.lineages);
     let reported = lineages.into_iter().any(|of| of.evolved.solution == *program);

@@ -1,4 +1,4 @@
-//! Why a lineage reports the program that it reports: everybody who was measured on the whole evolution pool, the
+//! Reasons why a lineage reports the program that it reports: everybody who was measured on the whole evolution pool, the
 //! experiment's rule, and who fell out at which part of it. Labels are the recorded ones; the rule is the archive's.
 
 use serde::Serialize;
@@ -16,7 +16,7 @@ use crate::text::counted;
 /// A choice with what it rests on.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Choice {
-    /// Whose choice.
+    /// Lineage that chose.
     pub lineage: LineageId,
     /// The program that is reported.
     pub chosen: SolutionId,
@@ -31,15 +31,15 @@ pub struct Choice {
     pub realism_name: &'static str,
     /// The rule, in one sentence with the experiment's numbers.
     pub rule: String,
-    /// Why this one, sentence by sentence. The last one is for a parent that stays.
+    /// Reasons for this one, sentence by sentence. The last one is for a parent that stays.
     pub reasons: Vec<String>,
     /// Everybody who was compared, the parent first, in the order in which they were.
     pub rows: Vec<Row>,
     /// Programs that the budget of finalists had no room for, so that they have no labels there.
     pub cut: Vec<SolutionId>,
-    /// Where they were compared: `the whole evolution pool`, or `scenes of selection`.
+    /// Scenes of the comparison: `the whole evolution pool`, or `scenes of selection`.
     pub measured_on: &'static str,
-    /// Attack of the chosen descendant where it was searched and chosen, and where neither was done; none where the parent stays.
+    /// Attack of the chosen descendant where it was searched and chosen, and where neither was done; empty where the parent stays.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub optimism: Vec<Measure>,
 }
@@ -56,7 +56,7 @@ pub struct Measure {
 const POOL: &str = "the whole evolution pool";
 const SELECTION: &str = "scenes of selection";
 
-/// What a chosen descendant came to on the way: the longer a search, the more of what it sees first is luck.
+/// Returns the attack of a chosen descendant at each stage: the longer a search, the more of what it sees first is luck.
 fn optimism(run: &RecordedRun, result: &LineageResult, measured_on: &'static str) -> Vec<Measure> {
     let chosen = &result.evolved.solution;
     let of_window = run.attempts.iter().find(|of| of.id.as_str() == chosen.as_str());
@@ -80,9 +80,9 @@ pub struct Row {
     /// Its labels there.
     #[serde(flatten)]
     pub measured: Measured,
-    /// Whether it stands on the front after the last epoch.
+    /// True if it stands on the front after the last epoch.
     pub on_front: bool,
-    /// How it fared under the rule; `None` where the record does not follow the rule as it is now.
+    /// Its standing under the rule; `None` where the record does not follow the rule as it is now.
     pub standing: Option<Standing>,
 }
 
@@ -103,7 +103,7 @@ impl Row {
     }
 }
 
-/// Where a program fell out.
+/// Part of the rule at which a program fell out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Standing {
@@ -124,7 +124,7 @@ pub enum Standing {
 }
 
 impl Standing {
-    /// In a few words.
+    /// Returns the standing in a few words.
     pub fn words(self) -> &'static str {
         match self {
             Standing::Chosen => "chosen",
@@ -223,7 +223,7 @@ fn rule(options: &SelectorOptions, realism: &str) -> String {
     )
 }
 
-/// Where the rule's own account puts this one.
+/// Returns the standing that the rule's own account gives this program.
 fn standing(of: &Measured, selection: &Selection, options: &SelectorOptions) -> Standing {
     let (own, best) = (of.objectives, selection.objectives);
     let constrained = selection.rule == SelectionRule::RealismConstrained;
@@ -290,7 +290,7 @@ fn with_parent(mut said: Vec<String>, rows: &[Row], selection: &Selection, paren
     said
 }
 
-/// Where nobody who is realistic enough attacks, and who would have.
+/// Explains the choice where no program that is realistic enough attacks, and names the one that would have.
 fn attackless(rows: &[Row], selection: &Selection, options: &SelectorOptions) -> String {
     let how = match selection.tied.len() {
         1 => format!("{} is the only one of them.", selection.solution),
@@ -307,12 +307,12 @@ fn attackless(rows: &[Row], selection: &Selection, options: &SelectorOptions) ->
     format!("None of the programs that are realistic enough has any attack; {how}{most}")
 }
 
-/// How many programs act, in words.
+/// Says how many programs act.
 fn acting(count: usize) -> String {
     format!("{} that {}", counted(count, "program"), if count == 1 { "acts" } else { "act" })
 }
 
-/// What decided between those who were left at the end.
+/// Explains what decided between those who were left at the end.
 fn tie_break(rows: &[Row], selection: &Selection) -> String {
     let any = |standing| rows.iter().any(|row| row.standing == Some(standing));
     let (chosen, best) = (&selection.solution, selection.objectives);
@@ -328,7 +328,7 @@ fn tie_break(rows: &[Row], selection: &Selection) -> String {
     }
 }
 
-/// Why nobody took the parent's place.
+/// Explains why nobody took the parent's place.
 fn staying(rows: &[Row], selection: &Selection) -> &'static str {
     let any = |standing| rows.iter().any(|row| row.standing == Some(standing));
     if rows.len() == 1 {

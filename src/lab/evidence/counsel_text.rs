@@ -27,7 +27,7 @@ pub fn counsel(counselled: &Counselled, texts: &dyn Fn(&Exchange) -> Option<Exch
     out
 }
 
-/// What became of a set, in a few words.
+/// Says in a few words what became of a set.
 fn outcome(trial: &Trial) -> String {
     match trial {
         Trial::Contact => trial.code().to_string(),

@@ -1,4 +1,4 @@
-//! How much of a program's gain each of its edits carries: the same scenes without the edit, and with the edit alone.
+//! Share of a program's gain that each of its edits carries: the same scenes without the edit, and with the edit alone.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,16 +17,16 @@ pub struct Credit {
     /// Scenes in which both have a label.
     pub scenes: usize,
     pub whole: Gain,
-    /// In the order of the chain.
+    /// Edits in the order of the chain.
     pub edits: Vec<EditCredit>,
 }
 
-/// What one program has more than another, paired by scene.
+/// Gain of one program over another, paired by scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gain {
     pub attack: Estimate,
-    /// Of the realism over the scenes in which both act; `None` where there is no such scene.
+    /// Gain of realism over the scenes in which both act; `None` where there is no such scene.
     pub realism: Option<Estimate>,
     /// Scenes in which the two rollouts differ at all.
     pub differing: usize,
@@ -38,7 +38,7 @@ pub struct Gain {
 pub struct EditCredit {
     /// The attempt that proposed it; with the number of the operation where operations are taken one by one.
     pub name: String,
-    /// What it does, one text an operation.
+    /// Changes that it makes, one text an operation.
     pub what: Vec<String>,
     /// The parent with the edits up to this one against the parent: the way that the chain took. Absent in what an earlier version kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -50,7 +50,7 @@ pub struct EditCredit {
 }
 
 impl Gain {
-    /// Of the second labels over the first; `None` where no scene has labels of both. Scenes are drawn as asked, else by name.
+    /// Compares the second labels with the first; `None` where no scene has labels of both. Scenes are drawn as asked, else by name.
     pub fn of(first: &[SceneScore], second: &[SceneScore], drawn: Option<&Drawn>) -> Option<Gain> {
         let rows = compared_labels(first, second, drawn);
         let of = |name: &str| rows.iter().find(|row| row.quantity == name);
@@ -61,12 +61,12 @@ impl Gain {
         Some(Gain { attack, realism: of("realism").map(|row: &Compared| row.difference), differing: differing.count() })
     }
 
-    /// Whether the interval of attack lies above zero.
+    /// Returns `true` if the interval of attack lies above zero.
     fn raises(&self) -> bool {
         self.attack.interval.is_some_and(|[low, _]| low > 0.0)
     }
 
-    /// What can be said of it at 95 %.
+    /// Says what holds of it at 95 %.
     pub fn verdict(&self) -> String {
         let of = |estimate: Estimate, name: &str| match estimate.interval {
             Some([low, _]) if low > 0.0 => Some(format!("raises {name}")),
@@ -141,7 +141,7 @@ impl Credit {
         text
     }
 
-    /// What an edit accounts for.
+    /// Says what an edit accounts for.
     pub fn sentence(&self, edit: &EditCredit) -> String {
         let alone = match &edit.alone {
             Ok(gain) if gain.raises() => format!("; alone on the parent it raises attack by {}", signed(gain.attack)),
@@ -164,7 +164,7 @@ impl Credit {
     }
 }
 
-/// Why there is no such program, without the place in it.
+/// Returns the reason why there is no such program, without the place in it.
 pub fn in_short(reason: &str) -> &str {
     reason.split(" (").next().unwrap_or(reason)
 }

@@ -1,4 +1,4 @@
-//! What each edit of the reported programs accounts for, as a table (`evodrive credit --format`).
+//! Contribution of each edit of the reported programs, as a table (`evodrive credit --format`).
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! How the scenes of two pools differ: quantity by quantity, and as a whole by whether a classifier tells them apart.
+//! Differences of the scenes of two pools: quantity by quantity, and as a whole by whether a classifier tells them apart.
 
 use serde::Serialize;
 
@@ -9,7 +9,7 @@ use crate::scene::{AgentKind, LaneGraph, Sample, Scene, SceneFeatures, Track};
 use crate::statistics::Estimate;
 use crate::statistics::two_samples::{Member, in_deviations, told_apart, wasserstein};
 
-/// What a scene is by its features: name, the feature, unit, and whether it is of the road and not of who is on it.
+/// Features of a scene: name, the feature, unit, and whether it is of the road and not of who is on it.
 const OF_SCENES: [(&str, &str, &str, bool); 14] = [
     ("vehicles", "vehicle_count", "", false),
     ("pedestrians", "pedestrian_count", "", false),
@@ -29,12 +29,12 @@ const OF_SCENES: [(&str, &str, &str, bool); 14] = [
 /// Vehicles around the ego's start, by where they are.
 const AROUND: [&str; 3] = ["vehicles ahead within 30 m", "vehicles beside within 30 m", "vehicles behind within 30 m"];
 const AROUND_M: f64 = 30.0;
-/// Whoever is no farther along the ego's heading than this is beside it, metres.
+/// A vehicle no farther along the ego's heading than this is beside it, metres.
 const BESIDE_M: f64 = 4.0;
 
 /// An ego with fewer samples has no recording to look from.
 const RECORDED_MIN: usize = 20;
-/// Who is never faster stands, m/s.
+/// Speed that a vehicle must exceed at some time to count as moving, m/s.
 const MOVES_MPS: f64 = 1.0;
 
 /// One quantity in both pools.
@@ -49,11 +49,11 @@ pub struct Quantity {
     pub second: Summary,
     /// Wasserstein's distance of first order, in the unit.
     pub distance: f64,
-    /// That in standard deviations of both pools together; 0 where they do not vary.
+    /// The distance in standard deviations of both pools together; 0 where they do not vary.
     pub in_deviations: f64,
 }
 
-/// How well a classifier tells the pools apart by a group of quantities; cross-validated, by scene.
+/// Success of a classifier that tells the pools apart by a group of quantities; cross-validated, by scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct ToldApart {
     pub by: &'static str,
@@ -71,16 +71,16 @@ pub struct Difference {
     pub told_apart: Vec<ToldApart>,
 }
 
-/// What one scene gives.
+/// Values of one scene.
 struct Rows {
-    /// In the order of [`OF_SCENES`], then [`AROUND`].
+    /// Values in the order of [`OF_SCENES`], then [`AROUND`].
     scene: Vec<f64>,
-    /// In the order of [`QUANTITIES`].
+    /// Rows in the order of [`QUANTITIES`].
     beside: Vec<Vec<f64>>,
 }
 
 impl Difference {
-    /// Of two lists of scenes.
+    /// Compares two lists of scenes.
     pub fn of(pools: [&[Scene]; 2], threads: &Threads) -> Difference {
         let samples = pools.iter().filter_map(|scenes| median_samples(scenes)).min().unwrap_or(0);
         let rows = pools.map(|scenes| threads.map(scenes, |_, scene| rows(&cut(scene, samples))));
@@ -118,7 +118,7 @@ impl Difference {
     }
 }
 
-/// What a classifier is shown of both pools, a scene a group.
+/// Returns the samples of both pools that a classifier is shown, a scene a group.
 fn members(rows: &[Vec<Rows>; 2], of: &dyn Fn(&Rows) -> Vec<Vec<f64>>) -> Vec<Member> {
     let scenes =
         [false, true].into_iter().zip(rows).flat_map(|(second, rows)| rows.iter().map(move |row| (second, row)));
@@ -171,8 +171,8 @@ fn rows(scene: &Scene) -> Rows {
     Rows { scene: of_scene, beside }
 }
 
-/// Whom road users are seen from, and from which step on: the ego, or where it has no recording, as in a planning problem, the vehicle that
-/// is recorded longest. Of equals the first.
+/// Returns the track from which road users are seen, and the first step: the ego's, or where it has no recording, as in a planning problem,
+/// that of the vehicle that is recorded longest. Of equals the first.
 fn reference(scene: &Scene) -> (&Track, usize) {
     let own = (&scene.ego.track, scene.ego.start_step);
     let observed = |(track, from): (&Track, usize)| track.samples.iter().skip(from).map_while(Option::as_ref).count();

@@ -1,4 +1,4 @@
-//! Where two recorded runs part: their inputs, the first event that is not the same, the field in it, and what that points to.
+//! Difference of two recorded runs: their inputs, the first event that is not the same, the field in it, and what that points to.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -25,7 +25,7 @@ pub struct Differing {
 }
 
 impl Differing {
-    /// Whether every event is the same.
+    /// Returns `true` if every event is the same.
     pub fn is_nothing(&self) -> bool {
         self.inputs.is_empty() && self.first.is_none()
     }
@@ -36,9 +36,9 @@ impl Differing {
 pub struct Parting {
     /// JSON Pointer in the event's body.
     pub field: String,
-    /// In the first run.
+    /// Value in the first run.
     pub first: String,
-    /// In the second.
+    /// Value in the second run.
     pub second: String,
 }
 
@@ -49,15 +49,15 @@ pub struct FirstEvent {
     pub seq: usize,
     /// Its kind in the first and in the second; `None` where one run has no more events.
     pub kinds: [Option<String>; 2],
-    /// Whose it is: attempt, lineage or epoch, as far as it says.
+    /// Owner of the event: attempt, lineage or epoch, as far as it says.
     pub of: String,
     /// The first field that differs; `None` where the kinds do.
     pub field: Option<Parting>,
-    /// What such a difference points to.
+    /// Cause that such a difference points to.
     pub cause: Cause,
 }
 
-/// What a difference points to.
+/// Cause that a difference points to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
@@ -80,7 +80,7 @@ pub enum Cause {
 }
 
 impl Cause {
-    /// In words, with what helps.
+    /// Returns the cause in words, with what helps.
     pub fn text(self) -> &'static str {
         match self {
             Cause::Unfinished => {
@@ -121,7 +121,7 @@ pub fn compare(first: &Path, second: &Path) -> Result<Differing, StoreError> {
     Ok(Differing { events, inputs, first: seq.map(difference).transpose()? })
 }
 
-/// What a transcript's events say, each as a digest.
+/// Contents of a transcript's events, each as a digest.
 struct Bodies {
     opened: Option<Value>,
     digests: Vec<Digest>,

@@ -1,4 +1,4 @@
-//! What rests on one object of a run: the cells of tables that would be other ones with another rollout, program, answer or scene.
+//! Cells of tables that rest on one object of a run: they would differ with another rollout, program, answer or scene.
 
 use serde::Serialize;
 use serde_json::json;
@@ -14,10 +14,10 @@ use crate::objects::{AttemptId, Exchange, LineageId, SceneScore, SolutionId};
 /// Hex digits that a short digest must have.
 const DIGITS_MIN: usize = 4;
 
-/// What follows a scene's name where its parent was drawn anew (docs/OBJECTIVES.md).
+/// Ending of a scene's name where its parent was drawn anew (docs/OBJECTIVES.md).
 const REDRAW: &str = "/redraw";
 
-/// What a digest or a name stands for in a run.
+/// Object that a digest or a name stands for in a run.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum RunObject {
     /// The rollout behind the label of a program in a scene; whether it is held out.
@@ -30,14 +30,14 @@ pub enum RunObject {
     Lineage(LineageId),
     /// A scene.
     Scene(String),
-    /// What the whole run is a function of, or its root.
+    /// Something that the whole run is a function of, or its root.
     Whole(&'static str),
 }
 
 /// A thing in one of the runs.
 pub type Met = (usize, RunObject);
 
-/// How a cell rests on the object.
+/// Way in which a cell rests on the object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum How {
@@ -57,7 +57,7 @@ pub struct Touched {
     /// The number as the table prints it.
     pub printed: String,
     pub how: How,
-    /// Through what.
+    /// Object through which the cell rests on it, in words.
     pub through: String,
     /// Numbers of the label that the cell uses, where it is read.
     pub numbers: Vec<&'static str>,
@@ -153,7 +153,7 @@ pub fn find<'a>(
     }
 }
 
-/// What the object is, in words.
+/// Describes the objects in words.
 pub fn listed(things: &BTreeSet<Met>) -> String {
     let word = |(_, thing): &Met| match thing {
         RunObject::Rollout { solution, scene, held_out } => {
@@ -231,7 +231,7 @@ impl Rests<'_, '_> {
         self.basis.all().into_iter().flat_map(|basis| basis.parts.iter().map(move |part| (basis, part)))
     }
 
-    /// Whether a label in a scene is read, of one program or of any.
+    /// Finds the label in a scene that the cell reads, of one program or of any.
     fn reads(&self, run: usize, solution: Option<&SolutionId>, scene: &str) -> Option<Found> {
         let mut numbers = BTreeSet::new();
         let mut through = BTreeSet::new();
@@ -263,7 +263,7 @@ impl Rests<'_, '_> {
         }
     }
 
-    /// Whether a program whose labels are read is this one or descends from it.
+    /// Finds a program whose labels are read and that is this one or descends from it.
     fn descends(&self, run: usize, solution: &SolutionId) -> Option<Found> {
         let recorded = &self.runs[run];
         let read: BTreeSet<&SolutionId> =
@@ -282,7 +282,7 @@ impl Rests<'_, '_> {
         leaves.into_iter().any(counted).then(|| (How::Reads, format!("the count of {id}"), Vec::new()))
     }
 
-    /// Whether the cell is about programs that a lineage's evolution chose; of any lineage of the run without one.
+    /// Finds a part about programs that a lineage's evolution chose; without a lineage, that of any lineage of the run.
     fn chosen(&self, run: usize, lineage: Option<&LineageId>) -> Option<Found> {
         let of = |part: &Repetition| part.run == run && lineage.is_none_or(|lineage| part.lineage == lineage.as_str());
         let parent = |solution: &SolutionId| solution.as_str().ends_with("/parent");
@@ -297,7 +297,7 @@ impl Rests<'_, '_> {
     }
 }
 
-/// Whether a difference is that of a program from itself, where no descendant was chosen: nought, whatever the label.
+/// Returns `true` if a difference is that of a program from itself, where no descendant was chosen: nought, whatever the label.
 fn of_one_program(leaf: &Leaf) -> bool {
     matches!(leaf.programs.as_slice(), [one, other] if one == other)
 }
@@ -307,7 +307,7 @@ fn lineage_of(id: &str) -> &str {
     id.rsplit_once('/').map_or(id, |(lineage, _)| lineage)
 }
 
-/// As text: cells that read it first; those that rest on a choice are counted, and listed in the full form.
+/// Returns the result as text: cells that read it first; those that rest on a choice are counted, and listed in the full form.
 pub fn text(name: &str, what: &str, touched: &[Touched], full: bool, folders: &str) -> String {
     let mut out = format!("{name}: {what}\n");
     let of = |how: How| touched.iter().filter(move |cell| cell.how == how);
@@ -335,7 +335,7 @@ pub fn text(name: &str, what: &str, touched: &[Touched], full: bool, folders: &s
     out
 }
 
-/// As one object.
+/// Returns the result as one object.
 pub fn json(name: &str, what: &str, touched: &[Touched]) -> serde_json::Value {
     json!({"object": name, "is": what, "cells": touched})
 }

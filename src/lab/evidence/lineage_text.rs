@@ -37,7 +37,7 @@ pub fn chain(run: &RecordedRun, lineage: &LineageId, last: &SolutionId, width: O
     out
 }
 
-/// What became of an attempt, in one line.
+/// Says what became of an attempt, in one line.
 fn one_line(attempt: &Attempt) -> String {
     let mut line = format!("{:<16} {:<9}", attempt.id.as_str(), attempt.exit.name());
     if let Some(score) = attempt.exit.score() {
@@ -58,7 +58,7 @@ pub fn objectives(score: &Score) -> String {
     format!("attack {}  {} {realism}", num::fixed(attack, 3), score.realism_name())
 }
 
-/// At most `most` characters, cut at a character.
+/// Cuts a text to at most `most` characters, between characters.
 pub fn shortened(text: &str, most: usize) -> String {
     let flat = text.split_whitespace().collect::<Vec<_>>().join(" ");
     if flat.chars().count() <= most {

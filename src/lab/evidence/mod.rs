@@ -1,4 +1,4 @@
-//! From recorded attempts to reports: it reads what was recorded and computes no label.
+//! Path from recorded attempts to reports: it reads what was recorded and computes no label.
 
 pub mod agreement;
 pub mod aligned;

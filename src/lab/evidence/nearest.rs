@@ -1,4 +1,4 @@
-//! How near the ego and a program's road user came in a rollout: the gap between their boxes, when, and at which points. A number
+//! Nearest approach of the ego and a program's road user in a rollout: the gap between their boxes, when, and at which points. A number
 //! for people who look at near misses. No label reads it, so it may be computed by parry rather than by the simulator's own boxes.
 
 use parry2d_f64::math::{Pose, Vector};

@@ -1,5 +1,5 @@
-//! Whether the road users that a program moves are told from recorded ones: a critic of realism that was not made by hand. It is reported and
-//! nothing is searched by it.
+//! Test of whether the road users that a program moves are told from recorded ones: a critic of realism that was not made by hand. It is
+//! reported, and nothing is searched by it.
 
 use std::fmt::Write as _;
 
@@ -20,18 +20,18 @@ pub struct RoadUsers {
     pub recorded: Vec<Moving>,
 }
 
-/// How well they are told apart.
+/// Degree to which they are told apart.
 #[derive(Clone, Debug)]
 pub struct Recognised {
     pub acted: usize,
     pub recorded: usize,
     /// 0.5 where nothing tells them apart; `None` where a program acts too rarely.
     pub auc: Option<Estimate>,
-    /// What differs most: name, and Wasserstein's distance in standard deviations.
+    /// Largest differences: name, and Wasserstein's distance in standard deviations.
     pub differs: Vec<(&'static str, f64)>,
 }
 
-/// Names of what differs most.
+/// Number of the largest differences that are named.
 const NAMED: usize = 3;
 
 impl RoadUsers {

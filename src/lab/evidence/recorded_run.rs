@@ -60,7 +60,7 @@ pub struct RunEvents {
     pub parents: Vec<ParentAdopted>,
     /// Templates that were composed; empty where no family takes templates.
     pub composed: Vec<Composed>,
-    /// Who was advised to attack, scene by scene; empty where no family takes counsel.
+    /// Advice on who attacks, scene by scene; empty where no family takes counsel.
     pub counsels: Vec<Counselled>,
     pub frozen: Vec<Frozen>,
     pub attempts: Vec<Attempt>,
@@ -79,13 +79,13 @@ pub struct RunEvents {
     pub root: Digest,
     /// The controls of SafeBench's archives, one a lineage; none where nobody drew the parents anew. They are worked out behind the seal.
     pub redrawn: Vec<Redrawn>,
-    /// How a seed of its experiment was chosen, as the experiment says it. The events do not hold it: who has the run's folder adds it.
+    /// Reason for the choice of a seed, as the experiment gives it. The events do not hold it: whoever has the run's folder adds it.
     pub seed_note: Option<String>,
-    /// What no event holds.
+    /// Declarations of the experiment that no event holds.
     pub declared: Declared,
 }
 
-/// What stands in the place of an actor's model where the search draws its patches. Labels open with their kind: this one's is `random`.
+/// Label in place of an actor's model where the search draws its patches. Labels open with their kind: this one's is `random`.
 const RANDOM_PATCHES: &str = "random legal patches";
 
 /// The kind that a model's label opens with.
@@ -94,18 +94,18 @@ pub fn kind_of(label: &str) -> &str {
 }
 
 impl RunEvents {
-    /// What people call the realism among its objectives.
+    /// Returns the name of the realism among its objectives, as readers see it.
     pub fn realism_name(&self) -> &'static str {
         realism_name(!self.rounds.is_empty(), self.label_rules().mean)
     }
 
-    /// By which its scores were summed up.
+    /// Returns the rules by which its scores were summed up.
     pub fn label_rules(&self) -> LabelRules {
         self.frozen.first().map(|frozen| frozen.parent_score.rules.clone()).unwrap_or_default()
     }
 
-    /// Who answered, by role: labels of models. The opening names a model for every role of the experiment; left out are critics where none was
-    /// asked, and all who propose where the search drew its patches.
+    /// Returns the label of the model that answered, by role. The opening names one for every role of the experiment. Critics are left out where
+    /// none was asked; where the search drew its patches, critics and repair are left out and the actor is `random legal patches`.
     pub fn models(&self) -> BTreeMap<String, String> {
         let method = self.opened.search.as_ref().map(|search| search.method.as_str());
         let drawn = Method::ALL.iter().any(|of| of.draws_patches() && method == Some(of.name()));
@@ -126,12 +126,12 @@ impl RunEvents {
         self.models().into_iter().filter(|(_, label)| kind_of(label) == "scripted").map(|(role, _)| role).collect()
     }
 
-    /// The kind of whoever proposes patches: of the actor's model, or `random`.
+    /// Returns the kind of whoever proposes patches: that of the actor's model, or `random`.
     pub fn proposer(&self) -> String {
         self.models().get(Role::Actor.name()).map_or("", |label| kind_of(label)).to_string()
     }
 
-    /// Who answered which roles, in one line.
+    /// Returns the models with the roles that each answered, in one line.
     pub fn proposals_from(&self) -> String {
         let models = self.models();
         let mut roles: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
@@ -143,38 +143,38 @@ impl RunEvents {
     }
 }
 
-/// What a run's experiment declares and its events do not say; empty where nobody read the experiment.
+/// Declarations of a run's experiment that its events lack; empty where nobody read the experiment.
 #[derive(Clone, Debug, Default)]
 pub struct Declared {
-    /// What the planner behind the ego [`OWN_PLANNER`] is called.
+    /// Name of the planner behind the ego [`OWN_PLANNER`].
     pub planner: Option<String>,
-    /// What the archive compared with.
+    /// Options by which the archive compared.
     pub archive: Option<ArchiveOptions>,
     /// Label of a model -> its `provenance`: who answered, when, how.
     pub answered: BTreeMap<String, String>,
     pub setting: Setting,
 }
 
-/// What a caption says of an experiment, in words; empty where nobody read it.
+/// Words of a caption about an experiment; empty where nobody read it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Setting {
-    /// Who simulates.
+    /// Simulator of the run.
     pub simulator: String,
-    /// Where the scenes come from.
+    /// Source of the scenes.
     pub pool: String,
-    /// Which of them were left out before scenes were drawn; empty where none was.
+    /// Scenes that were left out before scenes were drawn; empty where none was.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub left_out: String,
-    /// Which contacts are attacks.
+    /// Contacts that count as attacks.
     pub reading: String,
-    /// What realism is a mean of.
+    /// Values that realism is a mean of.
     pub realism: String,
 }
 
 /// The ego that is a planner of the experimenter's own.
 pub const OWN_PLANNER: &str = "command";
 
-/// What became of a scene under a lineage's parent and under its chosen program.
+/// Outcome of a scene under a lineage's parent and under its chosen program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Became {
     /// The chosen program attacks, the parent does not.
@@ -186,7 +186,7 @@ pub enum Became {
 }
 
 impl Became {
-    /// From the labels; a parent without one does not attack.
+    /// Compares the labels; a parent without one does not attack.
     pub fn of(parent: Option<&SceneScore>, chosen: &SceneScore) -> Became {
         match (parent.is_some_and(|was| was.attack > 0.0), chosen.attack > 0.0) {
             (false, true) => Became::Gained,
@@ -322,7 +322,7 @@ impl RecordedRun {
         attempts.chain(frozen).chain(finalists).chain(held_out)
     }
 
-    /// How a lineage ended; `None` while the run is unfinished.
+    /// Returns the result of a lineage; `None` while the run is unfinished.
     pub fn result_of(&self, lineage: &LineageId) -> Option<&LineageResult> {
         self.result.as_ref()?.lineages.iter().find(|of| of.lineage == *lineage)
     }
@@ -339,7 +339,7 @@ impl RecordedRun {
         own.flat_map(|of| &of.score.scenes).map(|label| (label.scene.as_str(), label)).collect()
     }
 
-    /// What became of each held-out scene that both programs of a lineage's result have a label of, by scene.
+    /// Returns, by scene, the outcome of each held-out scene for which both programs of a lineage's result have a label.
     pub fn outcomes(&self, of: &LineageResult) -> BTreeMap<&str, Became> {
         let (was, is) = (self.held_out_labels(&of.parent.solution), self.held_out_labels(&of.evolved.solution));
         let both = is.into_iter().filter_map(|(scene, label)| Some((scene, *was.get(scene)?, label)));

@@ -63,7 +63,7 @@ fn note(run: &RecordedRun, lineage: &LineageResult) -> Option<String> {
 /// Most characters of a reason.
 const REASON_CHARS: usize = 300;
 
-/// The end of a long reason says most: it is that of a program's standard error.
+/// Shortens a reason from its beginning: the end of a long one says most, being that of a program's standard error.
 fn on_one_line(reason: &str) -> String {
     let words: Vec<char> = reason.split_whitespace().collect::<Vec<_>>().join(" ").chars().collect();
     match words.len().checked_sub(REASON_CHARS) {

@@ -1,4 +1,4 @@
-//! Why a table says what it says: from a cell down to formula, repetitions, scenes with their labels, programs with their patches,
+//! Explanation of a table's numbers: from a cell down to formula, repetitions, scenes with their labels, programs with their patches,
 //! reviews, and the digests of prompts and answers.
 
 use serde_json::{Value, json};
@@ -19,7 +19,7 @@ const NAMED_MAX: usize = 6;
 /// Scenes of a share that are named one by one.
 const OF_SHARE_MAX: usize = 20;
 
-/// Where something stands in the files of a run.
+/// Places of objects in the files of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Places {
     /// Event of each attempt in the transcript, from 0.
@@ -55,7 +55,7 @@ impl Why<'_, '_> {
         self.named.cell.column.form.number(value)
     }
 
-    /// Whether the number comes out again of its parts, to the printed digits.
+    /// Returns `true` if the number comes out again of its parts, to the printed digits.
     pub fn agrees(&self) -> bool {
         self.basis.value().map(|value| self.number(value)) == self.named.cell.ours.map(|ours| self.number(ours.value))
     }
@@ -185,8 +185,8 @@ impl Why<'_, '_> {
         (!out.is_empty()).then_some(out)
     }
 
-    /// Whose labels of a scene that the cell rests on have a contact: place of the run, program, and the digest of its rollout's record; each
-    /// once.
+    /// Returns the labels of a scene that the cell rests on and that have a contact, each once: place of the run, program, and the digest of
+    /// its rollout's record.
     pub fn contacts(&self, scene: &str) -> Vec<(usize, SolutionId, Digest)> {
         let mut contacts = Vec::new();
         for part in self.basis.all().into_iter().flat_map(|basis| &basis.parts) {
@@ -298,7 +298,7 @@ impl Why<'_, '_> {
     }
 }
 
-/// Whether scenes by themselves are 0 or 1, or a difference of such: then their number says more than their mean.
+/// Returns `true` if each scene is 0 or 1, or a difference of such: then their number says more than their mean.
 fn is_share(part: &Repetition) -> bool {
     let mut values = part.leaves.iter().filter_map(|leaf| leaf.value).peekable();
     part.steps.is_empty() && values.peek().is_some() && values.all(|value| [-1.0, 0.0, 1.0].contains(&value))
@@ -309,7 +309,7 @@ fn leaves_of(part: &Repetition, value: f64) -> Vec<&str> {
     part.leaves.iter().filter(|leaf| leaf.value == Some(value)).map(|leaf| leaf.name.as_str()).collect()
 }
 
-/// How many of a part's leaves are what.
+/// Counts a part's leaves by their values, in words.
 fn counting(part: &Repetition) -> String {
     let with_value = part.leaves.iter().filter(|leaf| leaf.value.is_some()).count();
     let without = match part.leaves.len() - with_value {

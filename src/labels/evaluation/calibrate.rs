@@ -1,17 +1,17 @@
-//! Calibration: what recorded traffic shows, as bounds and tolerances of the realism diagnostics.
+//! Calibration: bounds and tolerances of the realism diagnostics from recorded traffic.
 //!
-//! Of every recorded road user that moves, the same account is taken as of an adversary. A bound is a quantile over the
-//! road users of a kind. The tolerance is half the bound, so that one and a half times what recorded traffic shows scores
-//! 0, but no smaller than a declared resolution: what tracks and maps of recordings cannot tell apart anyway.
+//! Every recorded road user that moves is measured in the same way as an adversary. A bound is a quantile over the
+//! road users of a kind. The tolerance is half the bound, so that one and a half times the bound scores
+//! 0, but no smaller than a declared resolution: the smallest difference that tracks and maps of recordings can show.
 
 use super::metrics::limits::{Calibration, Limit, Limits};
 use crate::kernel::{Digest, Threads, Vec2, num};
 use crate::scene::{AgentKind, Scene};
 use crate::sim::{Feasibility, OfKind, Plant};
 
-/// A road user that is seen for a shorter time says little, samples (2 s).
+/// Least number of samples of a road user in a calibration (2 s).
 pub const SAMPLES_MIN: usize = 20;
-/// One that moves less stands, metres (MetaDrive's rule for static objects).
+/// A road user that moves less than this stands, metres (MetaDrive's rule for static objects).
 pub const MOVED_M_MIN: f64 = 3.0;
 /// A kind with fewer road users takes the limits of all kinds together.
 pub const ROAD_USERS_MIN: usize = 30;
@@ -29,14 +29,14 @@ const RESOLUTION: Feasibility = Feasibility {
     kink_m: 0.5,
 };
 
-/// Fewer road users of a kind than this give it no limits of its own in a calibration by kind.
+/// Least number of road users of a kind that gives it limits of its own in a calibration by kind.
 pub const OF_KIND_MIN: usize = 20;
-/// Kinds that stand in for each other where few are recorded: what rolls.
+/// Kinds on wheels, which replace each other where few are recorded.
 const WHEELED: [AgentKind; 2] = [AgentKind::Vehicle, AgentKind::Cyclist];
 /// Smallest tolerance of a displacement that rolling does not explain, metres.
 const UNROLLED_RESOLUTION_M: f64 = 0.3;
 /// Least bound of a displacement that wheels do not make, metres: about the error of a tracked place. Recordings whose places were
-/// smoothed show less, and noisy ones would fail by it.
+/// smoothed show less, and noisy ones would fail by that bound.
 const UNROLLED_FLOOR_M: f64 = 0.05;
 /// Smallest tolerance of a speed, m/s.
 const SPEED_RESOLUTION_MPS: f64 = 1.0;
@@ -60,23 +60,23 @@ pub enum CalibrationError {
          {ROAD_USERS_MIN}; give more recorded scenes"
     )]
     TooFew {
-        /// How many road users of the scenes move so far.
+        /// Number of road users of the scenes that move so far.
         found: usize,
     },
 }
 
-/// What a recorded road user shows.
+/// Measurements of a recorded road user.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observed {
-    /// What sort of road user it is.
+    /// Kind of the road user.
     pub kind: AgentKind,
-    /// What realism judges, over its whole recording.
+    /// Quantities that realism judges, over its whole recording.
     pub motion: Feasibility,
-    /// What of it its kind does not do.
+    /// Measures of motion that its kind does not show.
     pub of_kind: OfKind,
 }
 
-/// The accounts of every moving road user of these scenes, egos aside, in order. Scenes that cannot be simulated are
+/// Returns the measurements of every moving road user of these scenes, egos aside, in order. Scenes that cannot be simulated are
 /// passed over.
 pub fn observed(scenes: &[Scene], threads: &Threads) -> Vec<Observed> {
     let of_scene = |_: usize, scene: &Scene| -> Vec<Observed> {
@@ -92,13 +92,13 @@ pub fn observed(scenes: &[Scene], threads: &Threads) -> Vec<Observed> {
     threads.map(scenes, of_scene).into_iter().flatten().collect()
 }
 
-/// Whether a track is seen for long enough and gets away from where it was first seen.
+/// Returns `true` if a track is seen for long enough and gets away from where it was first seen.
 pub fn moves(scene: &Scene, track: usize) -> bool {
     let places: Vec<Vec2> = scene.tracks[track].samples.iter().flatten().map(|sample| sample.position).collect();
     places.len() >= SAMPLES_MIN && places.iter().any(|place| place.distance(places[0]) >= MOVED_M_MIN)
 }
 
-/// Limits at a quantile of what was observed. `pools` and `scenes` say what that is.
+/// Returns limits at a quantile of the observed measurements. `pools` and `scenes` name their source.
 pub fn calibrate(
     observed: &[Observed],
     quantile: f64,
@@ -131,8 +131,8 @@ pub fn calibrate(
     })
 }
 
-/// Limits by kind: a kind of which twenty are recorded has limits of its own, and what a kind does not do is bounded, too. A speed is bounded by what is published of the kind, or by what is observed where that is
-/// faster: recordings of a town show no motorway.
+/// Adds limits by kind: a kind with at least twenty recorded has its own, and motion that a kind does not show is bounded, too.
+/// A speed is bounded by the published value of the kind, or by the observed one where that is faster: recordings of a town show no motorway.
 pub fn with_of_kind(calibration: Calibration, observed: &[Observed], quantile: f64) -> Calibration {
     let values = |of: fn(&OfKind) -> f64, kinds: &[AgentKind]| -> Vec<f64> {
         observed.iter().filter(|one| kinds.contains(&one.kind)).map(|one| of(&one.of_kind)).collect()
@@ -161,7 +161,7 @@ pub fn with_of_kind(calibration: Calibration, observed: &[Observed], quantile: f
     }
 }
 
-/// The quantile, rounded up to a thousandth, so that the file reads and the quantile holds.
+/// Returns the quantile, rounded up to a thousandth, so that the file is readable and the quantile holds.
 fn bound(values: &[f64], quantile: f64) -> f64 {
     num::quantile(values, quantile).map_or(0.0, |bound| (bound * 1000.0).ceil() / 1000.0)
 }

@@ -13,7 +13,7 @@ use crate::kernel::{Digest, Seed, Threads, canon::CanonError};
 use crate::objects::{SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
 use crate::sim::Undriven;
 
-/// What is labelled.
+/// Program, ego and simulator of a label.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
     /// The program's hash.
@@ -22,16 +22,16 @@ pub struct Subject<'a> {
     pub ego: &'a Policy,
     /// Digest of the simulator's options, and of the backend where that is another simulator.
     pub simulator: Digest,
-    /// Of every random draw of compiler and simulator.
+    /// Seed of every random draw of compiler and simulator.
     pub seed: Seed,
 }
 
-/// A scene by what its rollout's key needs.
+/// The parts of a scene that its rollout's key needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneRef<'a> {
     /// The scene's name.
     pub id: &'a str,
-    /// Of the scene's content.
+    /// Digest of the scene's content.
     pub digest: Digest,
     /// Its group in SafeBench's protocol; `None` for a scene that is staged for no traffic family.
     pub group: Option<Group>,
@@ -55,7 +55,7 @@ pub enum EvaluationError {
     /// A scene, by its name, belongs to no group of SafeBench's protocol.
     #[error("scene {0} belongs to no traffic family of SafeBench; its protocol needs [scenes] source = \"safebench\"")]
     Unstaged(String),
-    /// Whoever simulates cannot go on.
+    /// The simulating backend cannot go on.
     #[error(transparent)]
     Backend(#[from] BackendError),
     /// A request has no canonical bytes, and so no key.
@@ -104,14 +104,14 @@ pub fn evaluate(
     score.ok_or(EvaluationError::NoLabel(reason))
 }
 
-/// A record at hand.
+/// A record that is at hand.
 pub struct Recorded {
     record: Arc<RolloutRecord>,
     key: Digest,
     stored: Digest,
 }
 
-/// One scene's label: its record, where there is one, or what `label` says of scene number `i`, kept from then on.
+/// Returns one scene's label: its record, where there is one, or the result of `label` for scene number `i`, kept from then on.
 pub fn label_one(
     subject: &Subject<'_>,
     i: usize,

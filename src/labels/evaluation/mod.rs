@@ -1,5 +1,5 @@
-//! Rollouts over scenes to scores: `evaluate.rs` labels a program, `metrics/` says what is read off an outcome, `protocol/`
-//! what SafeBench adds.
+//! From rollouts over scenes to scores: `evaluate.rs` labels a program, `metrics/` reads quantities off an outcome, `protocol/`
+//! adds SafeBench's rules.
 
 pub mod calibrate;
 pub mod evaluate;

@@ -45,7 +45,7 @@ fn failures(scores: &[(String, Score)]) -> Vec<SceneFailure> {
 
 /// A scene's label from its labels against each driver. By the mean the attack is the mean over the drivers, and realism is summed up over
 /// them as it is over scenes: a program cannot pay with its realism against one driver for its successes against another. By the worst the
-/// attack is the least over the drivers, and realism the least of those against whom the program acts. Contact, request and record are
+/// attack is the least over the drivers, and realism the least over those against which the program acts. Contact, request and record are
 /// those of `first`, the label against the lineage's first driver.
 pub fn scene_over_egos(
     rule: OverEgos,

@@ -9,31 +9,31 @@ use crate::adapters::ADAPTER_VERSION;
 use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::sim::{ActorRef, Outcome, SIM_VERSION};
 
-/// What one rollout of one program in one scene left behind.
+/// Stored result of one rollout of one program in one scene.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RolloutRecord {
     /// The scene's name.
     pub scene: String,
-    /// Of the scene's content.
+    /// Digest of the scene's content.
     pub scene_digest: Digest,
     /// The program's hash.
     pub program: Digest,
     /// The driver's name.
     pub ego: String,
-    /// Whether the program intervened; where it did not, the outcome is plain replay.
+    /// True if the program intervened; where it did not, the outcome is plain replay.
     pub intervened: bool,
     /// The road user that the ego runs into in plain replay: the program did not cause a contact with it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub meets_anyway: Option<ActorRef>,
     /// The scene-level decision ω in the compiler's words, for people and audits.
     pub decision: Written,
-    /// What happened.
+    /// Outcome of the rollout.
     pub outcome: Outcome,
 }
 
 impl RolloutRecord {
-    /// How many scenarios the program simulated against the ego before it chose this one; `None` of a record that does not tell.
+    /// Returns the number of scenarios simulated against the ego before this one was chosen; `None` for a record that does not tell.
     pub fn search_rollouts(&self) -> Option<u32> {
         #[derive(Deserialize)]
         struct Told {
@@ -50,7 +50,7 @@ pub struct Written(Box<RawValue>);
 
 impl Written {
     /// # Errors
-    /// What cannot be JSON: a map whose keys are no texts.
+    /// A value that cannot be JSON: a map whose keys are not texts.
     pub fn of(value: &impl Serialize) -> Result<Written, serde_json::Error> {
         serde_json::value::to_raw_value(value).map(Written)
     }
@@ -78,10 +78,10 @@ pub fn request_key(
     }
 }
 
-/// Where records are kept between runs. Called from many threads.
+/// Store of records between runs. Called from many threads.
 pub trait RolloutCache: Sync {
-    /// The record of a request and the digest it is stored under. A cache that wants everything simulated again
-    /// (verify) says that it has none.
+    /// Returns the record of a request and the digest it is stored under. A cache that wants everything simulated again
+    /// (verify) returns none.
     fn recorded(&self, key: &Digest) -> Result<Option<(Arc<RolloutRecord>, Digest)>, CacheError>;
 
     /// Keeps a record; one that differs from an earlier record of the same request is a divergence.
@@ -91,15 +91,15 @@ pub trait RolloutCache: Sync {
 /// The cache cannot be trusted or used.
 #[derive(Debug, thiserror::Error)]
 pub enum CacheError {
-    /// What the store said; `evaluation` does not know stores.
+    /// Error of the store; `evaluation` does not know stores.
     #[error(transparent)]
     Store(Box<dyn std::error::Error + Send + Sync>),
-    /// What is stored under a request cannot be read.
+    /// The record stored under a request cannot be read.
     #[error("stored rollout {key} is damaged: {reason}; run `evodrive fsck --read`")]
     Damaged {
-        /// Of the rollout's request.
+        /// Key of the rollout's request.
         key: Digest,
-        /// What is wrong with the bytes.
+        /// Fault of the bytes.
         reason: String,
     },
     /// A request that was recorded before has another outcome now.
@@ -108,7 +108,7 @@ pub enum CacheError {
          compiler or a family was changed, raise its version and record again"
     )]
     Diverged {
-        /// Of the rollout's request.
+        /// Key of the rollout's request.
         key: Digest,
         /// The scene's name.
         scene: String,

@@ -14,18 +14,18 @@ use crate::objects::replay::{ReplayRow, ReplayScene, Replayed, Suite};
 use crate::scene::{AgentKind, PreparedScene};
 use crate::sim::{ActorRef, AdversaryReport, Intervention, Motion, Outcome, Plant, SimulatorOptions, WithRecording};
 
-/// Under which rules the scenes are played and judged.
+/// Rules under which the scenes are played and judged.
 #[derive(Clone, Copy)]
 pub struct Playing<'a> {
     /// The ego that drives.
     pub ego: &'a Policy,
     /// Rules of the simulator.
     pub simulator: &'a SimulatorOptions,
-    /// Who simulates.
+    /// Backend that simulates.
     pub backend: Backend<'a>,
-    /// Of every random draw of the simulator.
+    /// Seed of every random draw of the simulator.
     pub seed: Seed,
-    /// Those of the MetaDrive protocol judge the recorded traffic; SafeBench's score the empty program.
+    /// Options of the protocol: MetaDrive's judge the recorded traffic; SafeBench's score the empty program.
     pub evaluation: &'a EvaluationOptions,
 }
 

@@ -30,7 +30,7 @@ pub fn scene_score(record: &RolloutRecord, request: Digest, stored: Digest, opti
     }
 }
 
-/// One run's labels in SafeBench's protocol: what the run alone contributes. `None` for an outcome of a scene that is
+/// Returns one run's labels in SafeBench's protocol: the contribution of the run alone. `None` for an outcome of a scene that is
 /// staged for no traffic family.
 pub fn staged_scene_score(
     record: &RolloutRecord,
@@ -65,7 +65,7 @@ pub fn staged_scene_score(
     Some((score, run))
 }
 
-/// Whether what happened can be the program's doing. An expression of the experiment's own may count what was no contact: then
+/// Returns `true` if the event can be the program's doing. An experiment's own expression may count an event without contact: then
 /// the program has to act in the scene.
 fn may_count(record: &RolloutRecord, options: &MetadriveOptions) -> bool {
     match record.outcome.contact {
@@ -76,9 +76,9 @@ fn may_count(record: &RolloutRecord, options: &MetadriveOptions) -> bool {
     }
 }
 
-/// Whether the program caused the ego's contact: the road user that the ego met moved differently than recorded, and the ego does
-/// not run into it in plain replay. So it is no success to name a road user and leave it alone, or to nudge one that the ego hits
-/// without the program, as far as that is asked for.
+/// Returns `true` if the program caused the ego's contact: the road user that the ego met moved differently than recorded, and the
+/// ego does not run into it in plain replay. So it is no success to name a road user and leave it alone, or to nudge one that the ego
+/// hits without the program. Each condition holds only where it is required.
 fn is_brought_about(record: &RolloutRecord, requires: &Required<AttackRequirement>) -> bool {
     let Some(contact) = record.outcome.contact else { return false };
     let acted = |with| record.outcome.adversaries.iter().any(|adversary| adversary.actor == with && adversary.acted);

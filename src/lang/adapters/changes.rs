@@ -1,4 +1,4 @@
-//! What one program does otherwise than another of its family, in words with the units of the contract.
+//! Differences of a program from another of its family, in words with the units of the contract.
 
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,12 +13,12 @@ use crate::objects::{MechanismModule, OperatorNode, ParameterValue, PolicyRule, 
 pub struct Change {
     /// JSON pointer into the program.
     pub place: String,
-    /// What was there and what is there now.
+    /// The value that was there and the value that is there now.
     pub says: String,
 }
 
 impl Contract {
-    /// Everything of `after` that is not as in `before`, part by part; empty where both do the same.
+    /// Returns everything of `after` that differs from `before`, part by part; empty where both do the same.
     pub fn changes(&self, before: &Program, after: &Program) -> Vec<Change> {
         let mut changes = Vec::new();
         for (name, [was, is]) in both(&before.parameters, &after.parameters) {
@@ -111,7 +111,7 @@ impl Contract {
         changes
     }
 
-    /// A rule in a line.
+    /// Returns a rule on one line.
     fn rule(&self, program: &Program, rule: &PolicyRule) -> String {
         let parameters = rule.parameters.iter().map(|(name, value)| {
             format!("{name} = {}", valued(value, self.parameters.get(name).map(|spec| &spec.domain)))
@@ -153,7 +153,7 @@ fn module(place: &str, name: &str, was: Option<&MechanismModule>, is: Option<&Me
     }
 }
 
-/// What changed from one text to another, if it did.
+/// Returns the change from one text to another; `None` where they are equal.
 fn moved(place: String, what: &str, values: [Option<String>; 2], means: &str) -> Option<Change> {
     let shown = |text: String| if text.is_empty() { "nothing".to_string() } else { text };
     let says = match values {
@@ -192,7 +192,7 @@ fn unit(domain: Option<&Domain>) -> String {
     }
 }
 
-/// Every name of either map with what both hold there.
+/// Returns every name of either map with the values of both.
 fn both<'a, T>(
     before: &'a BTreeMap<String, T>,
     after: &'a BTreeMap<String, T>,

@@ -15,7 +15,7 @@ pub struct Contract {
     pub family: FamilyName,
     /// The method's name and reference, for reports.
     pub title: String,
-    /// What its mechanism is, in two or three sentences, for prompts.
+    /// Description of its mechanism, in two or three sentences, for prompts.
     pub describes: String,
     /// `metadrive` or `safebench`.
     pub backend: String,
@@ -25,24 +25,24 @@ pub struct Contract {
     pub operators: BTreeMap<Slot, Vec<OperatorSpec>>,
     /// H_b: places where an expression may be plugged in.
     pub mechanism_slots: BTreeMap<String, MechanismSlotSpec>,
-    /// What conditions of ρ may read.
+    /// Features that conditions of ρ may read.
     pub scene_features: Vec<Feature>,
     /// Words (operator kinds, parameters, mechanism slots, features) that belong to this family's implementation. A
     /// patch of another family that uses one fails the isolation gate.
     pub private_vocabulary: Vec<String>,
     /// F_b: names for κ.
     pub constraints: Vec<String>,
-    /// How large a program and a patch may be.
+    /// Largest size of a program and of a patch.
     pub limits: Limits,
 }
 
 /// A bounded parameter of θ.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParameterSpec {
-    /// What it may be.
+    /// Values that it may have.
     #[serde(flatten)]
     pub domain: Domain,
-    /// What it does, with its reference where it has one.
+    /// Description of its effect, with its reference where it has one.
     pub describes: String,
 }
 
@@ -80,15 +80,15 @@ pub enum Domain {
     },
 }
 
-/// What flows along an edge of the graph.
+/// Type of an edge of the graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Port {
-    /// Whether the program acts in the scene.
+    /// True if the program acts in the scene.
     Scene,
-    /// Who becomes an adversary.
+    /// The road users that become adversaries.
     Actors,
-    /// When each adversary's motion is changed.
+    /// The time at which each adversary's motion is changed.
     Window,
     /// Motions to choose from, with their scores.
     Candidates,
@@ -103,38 +103,38 @@ pub struct OperatorSpec {
     pub kind: String,
     /// Types of the nodes that feed it, in order. Empty: it starts the graph.
     pub inputs: Vec<Port>,
-    /// What it hands on.
+    /// Type of its result.
     pub output: Port,
     /// Its settings by name.
     pub settings: BTreeMap<String, SettingSpec>,
-    /// What it does, for prompts.
+    /// Description of its effect, for prompts.
     pub describes: String,
 }
 
 /// A setting of an operator kind.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SettingSpec {
-    /// What it may be.
+    /// Values that it may have.
     #[serde(flatten)]
     pub domain: Domain,
-    /// Whether every node of the kind must give it.
+    /// True if every node of the kind must give it.
     pub required: bool,
-    /// What it does, for prompts.
+    /// Description of its effect, for prompts.
     pub describes: String,
 }
 
 /// A place where an expression may be plugged in.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MechanismSlotSpec {
-    /// What the expression must give.
+    /// Type of the expression's value.
     pub output: ValueType,
-    /// What an expression here may read, besides the family's numeric parameters and the scene features.
+    /// Features that an expression here may read, besides the family's numeric parameters and the scene features.
     pub features: Vec<Feature>,
-    /// What the expression decides, for prompts.
+    /// Decision that the expression makes, for prompts.
     pub describes: String,
 }
 
-/// Bounds on how large a program and a patch may be.
+/// Bounds on the size of a program and of a patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Limits {
     /// Most operations of a patch.
@@ -149,7 +149,7 @@ pub struct Limits {
     pub expression_nodes: usize,
     /// Largest depth of an expression's tree.
     pub expression_depth: usize,
-    /// Whether a chain of terms is one level of that depth, as detailed questions say, and not a level a term.
+    /// True if a chain of terms is one level of that depth, as detailed questions say, and not one level per term.
     #[serde(skip)]
     pub chains_are_one_level: bool,
 }
@@ -171,7 +171,7 @@ impl Default for Limits {
 /// A family: its contract and the parent program from which evolution starts.
 #[derive(Clone, Debug)]
 pub struct Family {
-    /// What programs of the family may contain (I_b).
+    /// Everything that programs of the family may contain (I_b).
     pub contract: Contract,
     /// Ids and lineage are filled in by the lineage that adopts it.
     pub parent: Program,
@@ -186,7 +186,7 @@ pub struct Registry {
 }
 
 impl Registry {
-    /// A registry of these families; of two with one name the later one stays.
+    /// A registry of these families; of two with the same name the later one stays.
     pub fn new(families: impl IntoIterator<Item = Family>) -> Registry {
         let families: BTreeMap<FamilyName, Family> =
             families.into_iter().map(|f| (f.contract.family.clone(), f)).collect();

@@ -9,7 +9,7 @@ use super::{
 use crate::objects::{ParameterValue, Program, Setting, pointer::within};
 
 impl Domain {
-    /// For messages and prompts, e.g. `a number in [0, 5] m`.
+    /// Returns the domain in words for messages and prompts, e.g. `a number in [0, 5] m`.
     pub fn describe(&self) -> String {
         match self {
             Domain::Number { low, high, unit } => format!("a number in [{low}, {high}]{}", suffix(unit)),
@@ -19,7 +19,7 @@ impl Domain {
         }
     }
 
-    /// Whether a literal lies in it. A mechanism is never a literal.
+    /// Returns `true` if a literal lies in it. A mechanism is never a literal.
     pub fn accepts(&self, value: &ParameterValue) -> bool {
         match (self, value) {
             (Domain::Number { low, high, .. }, ParameterValue::Number(x)) => (*low..=*high).contains(x),
@@ -31,7 +31,7 @@ impl Domain {
         }
     }
 
-    /// Whether expressions may read a parameter of this domain.
+    /// Returns `true` if expressions may read a parameter of this domain.
     pub fn is_numeric(&self) -> bool {
         matches!(self, Domain::Number { .. } | Domain::Integer { .. })
     }
@@ -109,7 +109,7 @@ impl Contract {
         (!spec.domain.accepts(&literal)).then(|| Problem::new(place, quoted(&literal), spec.domain.describe()))
     }
 
-    /// The parameter exists, and its value and every value that a rule of ρ may give it lie in the setting's domain.
+    /// Checks that the parameter exists, and that its value and every value a rule of ρ may give it lie in the setting's domain.
     fn check_parameter_reference(
         &self,
         program: &Program,

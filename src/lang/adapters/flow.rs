@@ -1,4 +1,4 @@
-//! What a program does with a scene, step by step in the words of its contract, for somebody who reads no operator graph.
+//! Steps that a program takes with a scene, in the words of its contract, for somebody who reads no operator graph.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,9 +8,9 @@ use crate::objects::{FlowStep, OperatorNode, ParameterValue, PolicyRule, Program
 use crate::text::in_words;
 
 impl Contract {
-    /// The steps of `program`, marked where `before` does otherwise.
+    /// Returns the steps of `program`, marked where `before` differs.
     ///
-    /// A node in which two ways meet comes before them, since it says when each of them is taken. What both ways begin with is said once.
+    /// A node in which two ways meet stands before them, since it says when each of them is taken. The common beginning of both is told once.
     pub fn flow(&self, before: &Program, program: &Program) -> Vec<FlowStep> {
         let graph = &program.operator_graph;
         let fed: BTreeSet<&str> = graph.values().flat_map(|node| &node.inputs).map(String::as_str).collect();
@@ -30,7 +30,7 @@ struct Walk<'p> {
     contract: &'p Contract,
     before: &'p Program,
     program: &'p Program,
-    /// Nodes that were said, with the step of each.
+    /// Nodes that were told, with the step of each.
     said: BTreeMap<&'p str, usize>,
     /// Nodes that the walk has come to: it ends even in a graph with a circle, which the contract refuses.
     entered: BTreeSet<&'p str>,
@@ -56,7 +56,7 @@ impl<'p> Walk<'p> {
         }
     }
 
-    /// What feeds a node; in short if it was said with another way.
+    /// Tells the input of a node; in short if it was told with another way.
     fn input(&mut self, name: &'p str, depth: usize) {
         match self.said.get(name).and_then(|step| self.steps.get(*step)) {
             Some(step) => {
@@ -90,7 +90,7 @@ impl<'p> Walk<'p> {
         self.steps.push(FlowStep { depth, says: format!("{at}: {does}{settings}"), is_new });
     }
 
-    /// Whether a node does the same as before with what it is fed.
+    /// Returns `true` if a node does the same as before with its inputs.
     fn same(&self, old: &OperatorNode, node: &OperatorNode) -> bool {
         let changed = |value: &Setting| match value {
             Setting::Parameter(of) => self.moved(&of.parameter).is_some(),
@@ -105,13 +105,13 @@ impl<'p> Walk<'p> {
             && !node.settings.values().any(changed)
     }
 
-    /// Old and new value of a parameter that is not as it was.
+    /// Old and new value of a parameter that has changed; `None` otherwise.
     fn moved(&self, name: &str) -> Option<[&'p ParameterValue; 2]> {
         let of = |program: &'p Program| program.parameters.get(name);
         Some([of(self.before)?, of(self.program)?]).filter(|[old, new]| old != new)
     }
 
-    /// A setting that says something by itself: one that follows a parameter does where the parameter is not as it was.
+    /// Returns a setting that is worth telling: one that follows a parameter is so only where the parameter has changed.
     fn set(&self, name: &str, value: &Setting) -> Option<String> {
         match value {
             Setting::Parameter(of) => self
@@ -122,10 +122,10 @@ impl<'p> Walk<'p> {
     }
 }
 
-/// The setting of a fallback: what the first way must have.
+/// The setting of a fallback: the condition on the first way.
 const UNTIL: &str = "until";
 
-/// What a fallback asks of its first way, in place of the word of its setting.
+/// Returns the condition of a fallback on its first way, in place of the word of its setting.
 fn fallback(node: &OperatorNode) -> Option<&'static str> {
     match node.settings.get(UNTIL)? {
         Setting::Choice(word) if word == "meeting" => {
@@ -138,7 +138,7 @@ fn fallback(node: &OperatorNode) -> Option<&'static str> {
     }
 }
 
-/// What a slot answers.
+/// Returns the question that a slot answers.
 fn question(slot: Slot) -> &'static str {
     match slot {
         Slot::Select => "Where",
@@ -161,7 +161,7 @@ fn overridden(rule: &PolicyRule) -> String {
     format!("Where the rule “{}” holds ({when}): {}", in_words(&rule.name), sets.join(", "))
 }
 
-/// Without its full stop.
+/// Returns the first sentence without its full stop.
 fn first_sentence(text: &str) -> &str {
     let end = text.find(". ").or_else(|| text.find("; ")).unwrap_or(text.len());
     text.get(..end).unwrap_or(text).trim_end_matches('.')

@@ -10,10 +10,10 @@ use crate::objects::{OperatorNode, Program, Slot, pointer::within};
 
 const PLACE: &str = "/operator_graph";
 
-/// The filter kind that unites what it is fed: its inputs must come from one timing node.
+/// The filter kind that unites its inputs, which must come from one timing node.
 pub const UNITES: &str = "all_of";
 
-/// Fewest and most nodes of a slot. Ways may part behind the selection of scenes and meet again before the choice.
+/// Fewest and most nodes of a slot. Ways may part after the selection of scenes and meet again before the choice.
 pub fn node_count_range(slot: Slot) -> (usize, usize) {
     match slot {
         Slot::Select | Slot::Diversity => (1, 1),
@@ -122,7 +122,7 @@ impl Contract {
     }
 }
 
-/// Checks that two different ways meet in a node of two inputs, and that what is united has one window an adversary.
+/// Checks that two different ways meet in a node of two inputs, and that united ways have one window per adversary.
 fn check_meeting(graph: &BTreeMap<String, OperatorNode>, name: &str, node: &OperatorNode) -> Option<Problem> {
     let [one, other] = node.inputs.as_slice() else { return None };
     let place = within(&within(PLACE, name), "inputs");

@@ -16,7 +16,7 @@ use crate::objects::{
 const TAGS_MAX: usize = 8;
 
 impl Contract {
-    /// What conditions of ρ may read: scene features, then numeric parameters (their values in θ).
+    /// Returns the scope of conditions of ρ: scene features, then numeric parameters (their values in θ).
     pub fn condition_scope(&self) -> Scope {
         let mut scope = Scope::default();
         for feature in &self.scene_features {
@@ -26,7 +26,7 @@ impl Contract {
         scope
     }
 
-    /// What a module of the slot may read: the slot's features, scene features, then numeric parameters. `None` for
+    /// Returns the scope of a module of the slot: the slot's features, scene features, then numeric parameters. `None` for
     /// a slot that the family does not have.
     pub fn mechanism_scope(&self, slot: &str) -> Option<Scope> {
         let features = &self.mechanism_slots.get(slot)?.features;
@@ -74,7 +74,7 @@ impl Contract {
         problems
     }
 
-    /// Checks the conditions of all rules; `check_policy` checks what the rules override.
+    /// Checks the conditions of all rules; `check_policy` checks the overrides of the rules.
     pub fn check_conditions(&self, program: &Program) -> Vec<Problem> {
         let scope = self.condition_scope();
         let check = |(index, rule): (usize, &PolicyRule)| {
@@ -84,7 +84,7 @@ impl Contract {
         program.scenario_conditioned_policy.iter().enumerate().filter_map(check).collect()
     }
 
-    /// Checks names of rules, conditions, and what they override.
+    /// Checks names of rules, conditions, and overrides.
     pub fn check_policy(&self, program: &Program) -> Vec<Problem> {
         let mut problems = self.check_conditions(program);
         let mut names = BTreeSet::new();

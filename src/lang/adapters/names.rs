@@ -1,4 +1,4 @@
-//! What a contract is known by outside the program: its digest, and every name that a program of the family may use.
+//! Names of a contract for the outside: its digest, and every name that a program of the family may use.
 
 use std::collections::BTreeSet;
 

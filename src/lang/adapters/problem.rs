@@ -13,9 +13,9 @@ const FOUND_MAX: usize = 160;
 pub struct Problem {
     /// JSON Pointer into the program.
     pub place: String,
-    /// What was found there.
+    /// Value found there.
     pub found: String,
-    /// What would be accepted there.
+    /// Description of what would be accepted there.
     pub expected: String,
 }
 
@@ -28,7 +28,7 @@ impl Problem {
         Problem { place: place.into(), found, expected: expected.into() }
     }
 
-    /// The same below another place.
+    /// Returns the same problem below another place.
     pub fn below(self, place: &str) -> Problem {
         Problem { place: format!("{place}{}", self.place), ..self }
     }

@@ -1,4 +1,4 @@
-//! Programs that break one rule each, and what the contract says of them.
+//! Programs that break one rule each, and the contract's findings on them.
 
 use super::{
     toy::{contract, module, program, registry},

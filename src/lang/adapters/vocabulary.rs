@@ -7,13 +7,13 @@ use crate::objects::ValueType;
 /// A named quantity of a scene, an actor or a candidate trajectory.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Feature {
-    /// The name in expressions; the unit stands last in it.
+    /// The name in expressions; it ends with the unit.
     pub name: &'static str,
     /// Number or truth value.
     pub value: ValueType,
     /// SI; `1` for counts, shares and log-probabilities, empty for booleans.
     pub unit: &'static str,
-    /// What it is, for prompts.
+    /// Description of the quantity, for prompts.
     pub describes: &'static str,
 }
 
@@ -29,10 +29,10 @@ const ADVERSARY_INDEX: Feature =
     number("adversary_index", "1", "0 for the first adversary of the scene, 1 for the second, ...");
 const ADVERSARY_COUNT: Feature = number("adversary_count", "1", "adversaries of the scene");
 
-/// Of an adversary among those of its scene, in order of rank.
+/// Features of an adversary among those of its scene, in order of rank.
 pub const GROUP: &[Feature] = &[ADVERSARY_INDEX, ADVERSARY_COUNT];
 
-/// Of a scene at its current step; computed by `scene::features`.
+/// Features of a scene at its current step; computed by `scene::features`.
 pub const SCENE: &[Feature] = &[
     number("vehicle_count", "1", "vehicles observed now"),
     number("pedestrian_count", "1", "pedestrians observed now"),
@@ -50,7 +50,7 @@ pub const SCENE: &[Feature] = &[
     boolean("is_junction", "the ego's route crosses or merges with another lane's path"),
 ];
 
-/// Of a non-ego actor relative to the ego at the current step.
+/// Features of a non-ego actor relative to the ego at the current step.
 pub const ACTOR: &[Feature] = &[
     number("gap_m", "m", "distance between the two boxes"),
     number("closing_speed_mps", "m/s", "rate at which the centre distance shrinks"),
@@ -70,14 +70,14 @@ pub const ACTOR: &[Feature] = &[
     boolean("object_of_interest", "marked by the data set as interacting"),
 ];
 
-/// Of a moment of a candidate that is reshaped.
+/// Features of a moment of a candidate that is reshaped.
 pub const SHAPE: &[Feature] = &[
     number("progress", "1", "share of the candidate's time that has passed, 0..1"),
     number("progress_s", "s", "time since the window's start"),
     number("candidate_speed_mps", "m/s", "the candidate's own speed then, before it is changed"),
 ];
 
-/// What an adversary under a law observes at a decision step of the rollout (every 0.1 s), in the order of `sim::Observed`.
+/// Features that an adversary under a law observes at a decision step of the rollout (every 0.1 s), in the order of `sim::Observed`.
 pub const LAW: &[Feature] = &[
     number("since_onset_s", "s", "time since the law took over; 0 until then"),
     number("own_speed_mps", "m/s", "the adversary's speed now"),
@@ -107,7 +107,7 @@ pub const LAW: &[Feature] = &[
     ADVERSARY_COUNT,
 ];
 
-/// Of a candidate trajectory of the chosen actor.
+/// Features of a candidate trajectory of the chosen actor.
 pub const CANDIDATE: &[Feature] = &[
     number("prior_log_probability", "1", "log-probability under the family's motion prior"),
     number("ego_distance_m_min", "m", "smallest distance to the ego's rollout at equal times"),

@@ -11,46 +11,46 @@ use crate::{
 /// Most problems that a gate writes down.
 const PROBLEMS_MAX: usize = 12;
 
-/// What the gates said, and the candidate if all passed.
+/// Verdicts of the gates, and the candidate if all passed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Admission {
     pub gates: GateReport,
     pub candidate: Option<Candidate>,
 }
 
-/// What the compiler found on probe scenes.
+/// Findings of the compiler on probe scenes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trials {
-    /// What it could not lower; empty = nothing.
+    /// Parts that it could not lower; empty = none.
     pub problems: Vec<String>,
-    /// On how many scenes the child was compiled beside its parent, with the parent's random draws.
+    /// Number of scenes on which the child was compiled beside its parent, with the parent's random draws.
     pub compared: usize,
-    /// In how many of them their interventions differ in any bit.
+    /// Number of them in which their interventions differ in any bit.
     pub differing: usize,
-    /// What both would do there, scene by scene.
+    /// Probes of both there, scene by scene.
     pub probes: Vec<ProbePair>,
 }
 
-/// What the compiler says of a program with this hash over probe scenes.
+/// Function that compiles a program with this hash over probe scenes.
 pub type Compiles<'a> = dyn Fn(&Program, Digest) -> Trials + Sync + 'a;
 
-/// What patches are judged by.
+/// Rules by which patches are judged.
 #[derive(Clone, Debug)]
 pub struct Judging<'a> {
     /// I_b of the family.
     pub contract: &'a Contract,
     /// All families, for the isolation gate.
     pub registry: &'a Registry,
-    /// Gates that an ablation does without: they refuse nothing.
+    /// Gates that an ablation skips: they refuse nothing.
     pub skipped: Vec<Gate>,
     /// Parts of a program that no patch of the run may touch.
     pub closed: Vec<&'static str>,
-    /// Whether no patch brings in a sort of road user that the parent does not insert.
+    /// True if no patch may bring in a sort of road user that the parent does not insert.
     pub fixed_bodies: bool,
 }
 
 impl<'a> Judging<'a> {
-    /// By all gates, with no part closed.
+    /// Judges by all gates, with no part closed.
     pub fn whole(contract: &'a Contract, registry: &'a Registry) -> Judging<'a> {
         Judging { contract, registry, skipped: Vec::new(), closed: Vec::new(), fixed_bodies: false }
     }
@@ -79,7 +79,7 @@ pub fn admit(
     let compile = |program: &Program| compile(contract, program, child_hash, compiles);
     let (lowered, effect) = match applied.as_ref().map(compile) {
         Ok(Ok(trials)) => (trials.problems.clone(), effect(&trials)),
-        // What was not compiled is the compile gate's.
+        // A program that was not compiled is a matter of the compile gate.
         Ok(Err(problems)) => (problems, vec![]),
         Err(_) => (nothing_to_look_at(), vec![]),
     };
@@ -111,7 +111,7 @@ pub fn admit(
     Admission { gates, candidate }
 }
 
-/// Of a patch that has no child there is nothing to look at, and nothing passes unseen.
+/// Returns the findings of a gate on the child. Without a child there is nothing to check, and the gate fails.
 fn of_child(applied: &Result<Program, super::ApplyError>, gate: impl FnOnce(&Program) -> Vec<String>) -> Vec<String> {
     match applied {
         Ok(program) => gate(program),
@@ -119,12 +119,12 @@ fn of_child(applied: &Result<Program, super::ApplyError>, gate: impl FnOnce(&Pro
     }
 }
 
-/// Bodies that are not the parent's, where the run fixes them.
+/// Returns bodies that are not the parent's, where the run fixes them.
 fn fixed(parent: &Program, applied: &Result<Program, super::ApplyError>, asked: bool) -> Vec<Problem> {
     applied.as_ref().ok().filter(|_| asked).map_or_else(Vec::new, |child| bodies::check(parent, child))
 }
 
-/// Edits of parts that the run has closed.
+/// Returns edits of parts that the run has closed.
 fn closed_parts(patch: &ProgramPatch, closed: &[&str]) -> Vec<String> {
     let touched = |path: &str| closed.iter().any(|part| path == *part || path.starts_with(&format!("{part}/")));
     let paths = patch.operations.iter().map(|operation| operation.path.as_str()).filter(|path| touched(path));
@@ -143,7 +143,7 @@ fn mechanism(contract: &Contract, program: &Program) -> Vec<String> {
     texts(&[contract.check_mechanisms(program), contract.check_conditions(program)].concat())
 }
 
-/// What trying the child brought, or why it cannot be tried.
+/// Returns the result of trying the child, or why it cannot be tried.
 fn compile(
     contract: &Contract,
     program: &Program,
@@ -158,7 +158,7 @@ fn compile(
     }
 }
 
-/// A child that could not be lowered somewhere is the compile gate's.
+/// A child that could not be lowered somewhere is a matter of the compile gate.
 fn effect(trials: &Trials) -> Vec<String> {
     let same = trials.problems.is_empty() && trials.compared > 0 && trials.differing == 0;
     let text = || {
@@ -176,7 +176,7 @@ fn candidate(program: Program, program_hash: Digest, patch: &ProgramPatch) -> Op
     let mut mechanism_tags: Vec<String> = tags.collect();
     mechanism_tags.sort();
     mechanism_tags.dedup();
-    // It has one: applying took it.
+    // The patch has a hash: applying it took one.
     let patch_hash = patch.hash().ok()?;
     Some(Candidate { program, program_hash, patch_hash, mechanism_tags })
 }

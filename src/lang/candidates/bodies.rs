@@ -1,4 +1,4 @@
-//! Bodies: what sort of road user a program inserts belongs to its parent, where the run says so. A car with a cyclist's box gains
+//! Bodies: the sort of road user that a program inserts is its parent's, where the run says so. A car with a cyclist's box gains
 //! realism by the bounds of cyclists and meets the ego as a car would; that is no better generator.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -23,8 +23,8 @@ pub fn check(parent: &Program, child: &Program) -> Vec<Problem> {
         .collect()
 }
 
-/// Everything that a body setting can be in some scene: of the graph, of the rules that override it, and of the parameters that any of
-/// them reads, with their overrides.
+/// Returns every value that a body setting can have in some scene: of the graph, of the rules that override it, and of the parameters that
+/// any of them reads, with their overrides.
 fn bodies(program: &Program) -> BTreeSet<String> {
     let actors: Vec<&String> =
         program.operator_graph.iter().filter(|(_, node)| node.slot == Slot::Actor).map(|(name, _)| name).collect();
@@ -89,7 +89,7 @@ mod tests {
             let problems = check(&parent, &child);
             assert!(problems.len() == 1 && problems[0].found == "`cyclist`", "{problems:?}");
         }
-        // Who inserts both may go on with either.
+        // A child of a parent that inserts both may go on with either.
         assert_eq!(check(&program("vehicle", Some("cyclist")), &program("cyclist", None)), []);
     }
 }

@@ -36,7 +36,7 @@ pub fn check(patch: &ProgramPatch, contract: &Contract, changes_nothing: bool) -
     problems
 }
 
-/// What may stand in paths.
+/// Words that may stand in paths.
 struct Words<'a> {
     parameters: BTreeSet<&'a str>,
     settings: BTreeSet<&'a str>,
@@ -51,7 +51,7 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// What is expected in place of an illegal path.
+    /// Returns what is expected in place of an illegal path; `None` for a legal one.
     fn check(&self, pointer: &Pointer) -> Option<String> {
         let tokens: Vec<&str> = pointer.tokens.iter().map(String::as_str).collect();
         let surface = tokens.first().and_then(|first| Surface::ALL.into_iter().find(|s| s.name() == *first));

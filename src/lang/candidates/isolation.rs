@@ -24,7 +24,7 @@ pub fn check(
         problems.extend(foreign(&place, contract, vocabulary, &texts));
         problems.extend(texts.iter().filter_map(|text| other_lineage(&place, parent, contract, registry, text)));
     }
-    // What the parent already carried counts too.
+    // Words that the parent already had count too.
     if let Ok(content) = child.as_ref().map(program_json) {
         problems.extend(foreign("/", contract, vocabulary, &weight::texts(&content)));
     }
@@ -37,7 +37,7 @@ fn operation_texts(operation: &Operation) -> Vec<&str> {
     texts
 }
 
-/// The editable content; of a program that cannot be written as JSON nothing, and then the schema gate has failed.
+/// Returns the editable content; nothing if the program cannot be written as JSON, in which case the schema gate has failed.
 fn program_json(program: &Program) -> serde_json::Value {
     let content = (
         &program.parameters,
@@ -102,7 +102,7 @@ fn is_solution_place(text: &str) -> bool {
     text == "parent" || numbers.is_some_and(|(epoch, slot)| digits(epoch) && digits(slot))
 }
 
-/// Words of other families in a program that stands by itself.
+/// Returns words of other families in a program that stands by itself.
 pub fn words_of_others(program: &Program, contract: &Contract, registry: &Registry) -> Vec<Problem> {
     let vocabulary = contract.foreign_vocabulary(registry.iter());
     foreign("/", contract, &vocabulary, &weight::texts(&program_json(program)))

@@ -87,7 +87,7 @@ fn is_protected(word: &str) -> bool {
     PROTECTED.contains(&word)
 }
 
-/// Wherever the path leads when it is read as written, and when it is read the way a careless reader would: escapes
+/// Checks the target of the path as written, and as a careless reader would understand it: escapes
 /// and percent codes undone, `.` and `..` resolved, case and repeated slashes ignored.
 fn check_path(place: &str, path: &str) -> Option<Problem> {
     let steps = normalised(path);

@@ -1,4 +1,4 @@
-//! Random legal patches: what a search does that knows the contract and nothing else. A baseline.
+//! Random legal patches: a search that knows the contract and nothing else. A baseline.
 
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -14,7 +14,7 @@ const DECIMALS: u32 = 4;
 /// Tries to draw a value that differs from the present one.
 const TRIES: usize = 8;
 
-/// Where a random patch may put what.
+/// Places that a random patch may edit, and the values that it may put there.
 #[derive(Clone, Copy, Debug)]
 pub struct Places<'a> {
     /// I_b of the family.
@@ -25,7 +25,7 @@ pub struct Places<'a> {
     pub closed: &'a [&'static str],
 }
 
-/// A patch of 1 to `edits_max` edits at different places, all places alike: a parameter's value, a literal setting of a node, a
+/// Draws a patch of 1 to `edits_max` edits at different places, all equally likely: a parameter's value, a literal setting of a node, a
 /// node's kind (of the same types, where no module is needed), a new rule with a condition over one scene feature.
 pub fn random_patch(
     (parent, hash): (&Program, Digest),
@@ -127,7 +127,7 @@ fn operation(parent: &Program, places: &Places<'_>, edit: &Edit<'_>, stream: &mu
     }
 }
 
-/// Whether an edit is neither at the place of another one nor within it. Two rules are apart.
+/// Returns `true` if an edit is neither at the place of another one nor within it. Two rules are apart.
 fn apart(new: &Operation, others: &[Operation]) -> bool {
     let inside = |inner: &str, outer: &str| inner == outer || inner.starts_with(&format!("{outer}/"));
     new.op == OperationKind::Add
@@ -144,12 +144,12 @@ fn condition(places: &Places<'_>, stream: &mut Stream) -> Option<String> {
     Some(format!("{} {} {threshold}", feature.name, if stream.chance(0.5) { "<=" } else { ">" }))
 }
 
-/// A value other than the present one; `None` where the domain seems to have no other.
+/// Draws a value other than the present one; `None` where the domain seems to have no other.
 fn another(domain: &Domain, now: &Value, stream: &mut Stream) -> Option<Value> {
     (0..TRIES).find_map(|_| drawn(domain, stream).filter(|value| value != now))
 }
 
-/// All values alike; `None` where only a module would do.
+/// Draws a value, all equally likely; `None` where only a module would do.
 fn drawn(domain: &Domain, stream: &mut Stream) -> Option<Value> {
     let value = match domain {
         Domain::Number { low, high, .. } => {
@@ -225,7 +225,7 @@ mod tests {
             assert_eq!(places(&program, &contract, &[]).contains(&"actor=other".into()), can);
             contract.operators.get_mut(&Slot::Actor).unwrap().pop();
         }
-        // A module that may be left out stands in nobody's way.
+        // A module that may be left out does not prevent the draw.
         let module = SettingSpec {
             domain: Domain::Mechanism { slot: "actor_score".into() },
             required: false,
@@ -295,7 +295,7 @@ mod tests {
         let options = vec!["calm".to_string(), "rough".to_string()];
         assert_eq!(texts(all(Domain::Choice { options })), ["\"calm\"", "\"rough\""].map(String::from).into());
         assert!(all(Domain::Mechanism { slot: "actor_score".into() }).is_empty());
-        // The present value is never drawn, and where there is no other one nothing is.
+        // The present value is never drawn, and without another one nothing is drawn.
         let mut stream = self::stream();
         let others: Vec<Value> = (0..200).filter_map(|_| another(&integer(0, 9), &json!(4.0), &mut stream)).collect();
         assert!(others.len() == 200 && !others.contains(&json!(4.0)));
@@ -347,7 +347,7 @@ mod tests {
         let parameters = parent.parameters.keys().map(|name| format!("/parameters/{name}"));
         let rule = "/scenario_conditioned_policy/-".to_string();
         assert_eq!(kinds, parameters.chain(nodes.map(String::from)).chain([rule]).collect());
-        // Where fewer places are there than edits are wanted, all of them are taken.
+        // Where there are fewer places than wanted edits, all places are taken.
         let mut small = contract.clone();
         small.scene_features.clear();
         let places = Places { contract: &small, ..places };

@@ -18,7 +18,7 @@ const REFERENCES_MAX: usize = 32;
 /// Beyond this a patch is not even applied; the contract's own bound is far below and checked by the interface gate.
 const OPERATIONS_MAX: usize = 64;
 
-/// What can be said of the patch alone. A patch with a finding here is not applied.
+/// Returns findings on the patch alone. A patch with a finding here is not applied.
 pub fn check_patch(patch: &ProgramPatch) -> Vec<Problem> {
     let mut problems = check_texts(patch);
     let count = patch.operations.len();
@@ -90,7 +90,7 @@ fn check_operation(place: &str, operation: &Operation) -> Vec<Problem> {
     problems
 }
 
-/// What the application said, and the sizes of what came out.
+/// Returns the error of the application, or the child's excess over the size limits.
 pub fn check_child(contract: &Contract, child: &Result<Program, ApplyError>) -> Vec<String> {
     match child {
         Err(error) => vec![shortened(&error.to_string())],

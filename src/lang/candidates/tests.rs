@@ -284,7 +284,7 @@ fn a_report_names_twelve_problems_and_how_many_more_there_are() {
         let admission = judge(&unknown(count));
         admission.gates.verdicts.into_iter().find(|verdict| verdict.gate == Gate::Interface).unwrap().problems
     };
-    // The contract takes eight edits: their number is a problem of its own, and of twice as many the paths are looked at.
+    // The contract takes eight edits: their number is a problem of its own, and the paths of up to twice as many are checked.
     assert_eq!(of_interface(11).len(), 12);
     let more = |count: usize| of_interface(count).get(12).cloned();
     assert_eq!(
@@ -318,7 +318,7 @@ fn paths_into_lists_end_in_an_index_or_append() {
         );
     }
     assert!(refusal("/scenario_conditioned_policy/first/when") && !refusal("/scenario_conditioned_policy/0/when"));
-    // A node may be replaced whole, and has no other fields than its own.
+    // A node may be replaced whole, and has no fields other than its own.
     let fields = |path: &str| {
         let gates = judge(&patch(vec![add(path, json!("x"))])).gates;
         gates

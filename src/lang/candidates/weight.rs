@@ -1,4 +1,4 @@
-//! How large a JSON value is, and the texts in it: walked with a list, never by recursion.
+//! Size of a JSON value, and the texts in it: walked with a list, never by recursion.
 
 use serde_json::Value;
 
@@ -9,7 +9,7 @@ pub const VALUE_ELEMENTS_MAX: usize = 512;
 /// Most bytes of keys and texts of one value.
 pub const VALUE_TEXT_MAX_BYTES: usize = 16_384;
 
-/// Why a value is too large to be looked at any further.
+/// Returns why a value is too large to be checked any further.
 pub fn too_large(value: &Value) -> Option<String> {
     let (mut elements, mut text_bytes) = (0, 0);
     for (value, depth) in Walk::new(value) {

@@ -22,20 +22,20 @@ const EXPRESSION_MAX: u32 = 240;
 /// Bounds of a count in a rule's condition.
 const COUNTS: [u32; 3] = [2, 4, 8];
 
-/// What patches of a lineage may edit.
+/// Parts of a program that patches of a lineage may edit.
 #[derive(Clone, Debug)]
 pub struct Surface {
     /// I_b of the family.
     pub contract: Contract,
-    /// Whether patches may edit rules.
+    /// True if patches may edit rules.
     pub rules: bool,
-    /// Whether they may edit modules.
+    /// True if patches may edit modules.
     pub modules: bool,
-    /// Whether no patch brings in a sort of road user that the parent does not insert.
+    /// True if no patch may bring in a sort of road user that the parent does not insert.
     pub fixed_bodies: bool,
 }
 
-/// What a question shows that a patch may refer to.
+/// Parts of a question that a patch may refer to.
 #[derive(Clone, Debug)]
 pub struct Shown {
     /// Member of the reply -> the value that it repeats.
@@ -49,11 +49,11 @@ pub struct Shown {
 /// The closed schemas of a question. Each is made when a model is first held to it: most never are.
 #[derive(Clone, Debug)]
 pub struct ClosedSchemas {
-    /// What may be edited.
+    /// Parts that may be edited.
     pub surface: Arc<Surface>,
-    /// Of which program.
+    /// Program that is edited.
     pub parent: Program,
-    /// What may be referred to.
+    /// Parts that may be referred to.
     pub shown: Shown,
     /// Of the actor and of the repair, once made.
     pub made: [OnceLock<Schema>; 2],
@@ -158,7 +158,7 @@ fn some_of(names: &[String]) -> Value {
     }
 }
 
-/// What may stand in a place in which `now` stands; nothing where that is the only value.
+/// Returns the values that may stand in a place in which `now` stands; `None` where that is the only value.
 fn values(domain: &Domain, now: Option<&Value>, parent: &Program) -> Option<Value> {
     let all: Vec<Value> = match domain {
         Domain::Number { low, high, .. } => grid(*low, *high).into_iter().map(Value::from).collect(),

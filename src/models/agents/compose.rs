@@ -23,17 +23,17 @@ use crate::{
 /// One description.
 #[derive(Clone, Copy, Debug)]
 pub struct Order<'a> {
-    /// Whose parent is composed.
+    /// Lineage whose parent is composed.
     pub lineage: &'a LineageId,
     /// Index of the kind among the family's kinds: the draw slot of its questions.
     pub slot: u32,
-    /// What may be chosen.
+    /// Choices that may be made.
     pub form: &'a TemplateForm,
     /// The scenario in words.
     pub description: &'a str,
     /// Most questions.
     pub rounds: u32,
-    /// Who is asked.
+    /// Model that is asked.
     pub model: &'a ModelSpec,
 }
 

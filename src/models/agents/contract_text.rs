@@ -44,7 +44,7 @@ pub fn compact_contract_text(contract: &Contract, parent: &Program) -> String {
     written(contract, Form::Compact(&json!(parent.parameters)))
 }
 
-/// What a name and its unit leave open of a meaning, for those of the shared vocabulary and of CAT; others stand as they are.
+/// Parts of a meaning that a name and its unit leave open, for those of the shared vocabulary and of CAT; others stand as they are.
 static SHORT_MEANINGS: LazyLock<BTreeMap<&str, &str>> = LazyLock::new(|| {
     include_str!("prompts/short_meanings.txt").lines().filter_map(|line| line.split_once(" => ")).collect()
 });
@@ -164,7 +164,7 @@ fn is_optional(setting: &Value) -> bool {
     setting["required"] == Value::Bool(false)
 }
 
-/// Whether a setting takes the values of a parameter of its name.
+/// Returns `true` if a setting takes the values of a parameter of its name.
 fn is_alike(setting: &Value, parameter: &Value) -> bool {
     let same = |field: &str| setting[field] == parameter[field];
     parameter.is_object() && ["type", "range", "options", "unit"].into_iter().all(same)

@@ -22,7 +22,7 @@ use crate::{
 /// One scene's question.
 #[derive(Clone, Copy, Debug)]
 pub struct Case<'a> {
-    /// Whose counsel it is.
+    /// Lineage that gets the counsel.
     pub lineage: &'a LineageId,
     /// Id of the scene.
     pub scene: &'a str,
@@ -38,7 +38,7 @@ pub struct Case<'a> {
     pub attackers_max: usize,
     /// Most sets that are tried.
     pub rounds: u32,
-    /// Who is asked.
+    /// Model that is asked.
     pub model: &'a ModelSpec,
 }
 
@@ -141,7 +141,7 @@ impl Talk<'_> {
         Ok(set)
     }
 
-    /// Whether the same vehicles attacked together before, with any leader.
+    /// Returns `true` if the same vehicles attacked together before, with any leader.
     fn is_tried(&self, set: &Set) -> bool {
         let members = |set: &Set| set.iter().copied().collect::<BTreeSet<usize>>();
         self.sets.iter().any(|before| members(before) == members(set))

@@ -2,21 +2,21 @@
 
 use crate::kernel::num;
 
-/// What detailed questions say of one scene.
+/// Description of one scene in detailed questions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Encounter {
     /// The contact, or the moment at which an adversary was nearest; `None` where nobody acted or no motion is known.
     pub moment: Option<Moment>,
     /// Smallest time to collision with an adversary, s.
     pub ttc_s: Option<f64>,
-    /// What else is worth saying.
+    /// Remarks on what else is worth saying.
     pub remarks: Vec<Remark>,
 }
 
 /// One thing that led to a scene's outcome.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Remark {
-    /// Who ran into whom: `ego`, `it` or `both`.
+    /// Party that ran into the other: `ego`, `it` or `both`.
     Strikes(&'static str),
     /// How long before the contact the ego could see it coming, s; `None` where it could not.
     Seen(Option<f64>),
@@ -76,7 +76,7 @@ pub struct Moment {
     pub own_mps: f64,
     /// Speed of the ego, m/s.
     pub ego_mps: f64,
-    /// Where the adversary is, seen from the ego: degrees from its heading, positive to the left.
+    /// Bearing of the adversary, seen from the ego: degrees from its heading, positive to the left.
     pub bearing_deg: f64,
 }
 

@@ -30,15 +30,15 @@ pub struct Turn<'a> {
     pub active: &'a WorldConfiguration,
     /// Columns that it may leave out.
     pub schema: &'a FeatureSchema,
-    /// What a patch may name.
+    /// Keys that a patch may name.
     pub surface: &'a [SurfaceKey],
-    /// What is known of the active configuration.
+    /// Known facts about the active configuration.
     pub audit: &'a WorldAudit,
     /// All earlier turns, the oldest first.
     pub earlier: &'a [WorldEvolved],
     /// Most questions.
     pub rounds: u32,
-    /// Who is asked.
+    /// Model that is asked.
     pub model: &'a ModelSpec,
 }
 
@@ -111,7 +111,7 @@ fn shown(turn: &Turn<'_>) -> Result<Text, PromptError> {
     Ok(shown.into())
 }
 
-/// What an agent is told besides where the evaluator predicts pairs.
+/// Text for the agent where the evaluator predicts pairs, besides the usual text.
 const OF_PAIRS: &str = "
 ## This evaluator predicts pairs
 It is a ridge line over rows of a candidate in one scene, and predicts attack and realism of that pair; means over the scenes are the

@@ -355,7 +355,7 @@ fn history() -> Vec<PastEdit> {
     }]
 }
 
-/// What the two sample diagnostics measure, at length and in short.
+/// Meanings of the two sample diagnostics, at length and in short.
 const JERK: [&str; 2] = ["jerk: largest change of acceleration, m/s^3", "change of acceleration, m/s^3"];
 const COLLISIONS: [&str; 2] =
     ["1 unless it touches another moving road user than the ego", "1 unless it touches a moving road user but the ego"];

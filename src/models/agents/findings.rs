@@ -1,18 +1,18 @@
-//! What critics and repair are shown of the gates' verdicts. Each critic sees those of its own side; how many probe scenes the
-//! patch changes is shown to all.
+//! Findings of the gates, as critics and repair are shown them. Each critic sees those of its own side; all see how many probe
+//! scenes the patch changes.
 
 use serde_json::{Map, Value, json};
 
 use crate::objects::{GateReport, GateVerdict, Role, attempt::Gate};
 
-/// What the deterministic gates and the compiler say of a patch, before its critics are asked.
+/// Findings of the deterministic gates and the compiler on a patch, before its critics are asked.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Findings {
-    /// What each gate says.
+    /// Verdict of each gate.
     pub gates: GateReport,
     /// Probe scenes of the window on which the child was compiled beside its parent, with the parent's random draws.
     pub compared: usize,
-    /// In how many of them its motion differs from the parent's.
+    /// Number of them in which its motion differs from the parent's.
     pub differing: usize,
 }
 

@@ -27,21 +27,21 @@ const SCENES_NAMED: usize = 6;
 /// An earlier attempt of the lineage with its content.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PastEdit {
-    /// Which attempt.
+    /// Id of the attempt.
     pub attempt: AttemptId,
     /// The program that it edited.
     pub parent: SolutionId,
-    /// Where it stands now, in words.
+    /// Present standing of the attempt, in words.
     pub ended: String,
     /// Its last readable patch.
     pub operations: Vec<Operation>,
-    /// What it was to do.
+    /// Purpose of the patch.
     pub hypothesis: String,
     /// Why it was declined or refused, shortened.
     pub problems: Vec<String>,
-    /// What it did, where it was simulated.
+    /// Change that it made, where it was simulated.
     pub change: Option<Change>,
-    /// What each gate of the acceptance compared, where the child was not accepted; only in detailed questions.
+    /// Comparison that each gate of the acceptance made, where the child was not accepted; only in detailed questions.
     pub verdict: Option<String>,
 }
 
@@ -49,7 +49,7 @@ pub struct PastEdit {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Change {
-    /// How many scenes attack, realism and coverage are compared on.
+    /// Number of scenes that attack, realism and coverage are compared on.
     pub scenes: usize,
     /// Change of attack and its standard error, 1.
     pub attack: (f64, Option<f64>),

@@ -1,4 +1,4 @@
-//! What the objectives are, as a run's options say it: the numbers behind the formulas that prompts show.
+//! Meaning of the objectives by a run's options: the numbers behind the formulas that prompts show.
 
 use serde_json::{Value, json};
 
@@ -10,15 +10,15 @@ use crate::kernel::num;
 pub struct Measures {
     /// Formulas of attack and realism.
     pub protocol: Protocol,
-    /// What makes a child a member of the lineage.
+    /// Rule by which a child becomes a member of the lineage.
     pub acceptance: Acceptance,
     /// The rule of acceptance in words, where another method than the gates decides.
     pub rule: Option<String>,
-    /// Whether a bounded trade with the parent is one of the gates.
+    /// True if a bounded trade with the parent is one of the gates.
     pub tradeoff: bool,
-    /// Whether what is inserted stays of the parent's kind.
+    /// True if what is inserted stays of the parent's kind.
     pub fixed_bodies: bool,
-    /// Rules in which the run is otherwise than the text says, in words.
+    /// Rules of the run that differ from the text, in words.
     pub otherwise: Vec<&'static str>,
 }
 
@@ -54,9 +54,9 @@ pub struct Diagnostic {
     pub name: String,
     /// w_j, 1.
     pub weight: f64,
-    /// What it measures, in words.
+    /// Meaning of the measure, in words.
     pub meaning: &'static str,
-    /// What its name leaves open of that.
+    /// Part of that meaning that its name leaves open.
     pub short: &'static str,
     /// For soft ones: what is measured, its bound and its tolerance for vehicles, in the unit of the name.
     pub limits: Vec<(String, f64, f64)>,

@@ -36,7 +36,7 @@ use crate::{
 const SCORE_DECIMALS: u32 = 4;
 /// The same in compact questions.
 const COMPACT_DECIMALS: u32 = 3;
-/// What a patch in a compact question should have repeated and did not.
+/// Member with the fields of the parent that a patch in a compact question should have repeated and did not.
 const PARENTS: &str = "the parent's";
 /// Most bytes of an unreadable reply that a repair sees.
 const UNREADABLE_MAX_CHARS: usize = 6_000;
@@ -55,7 +55,7 @@ fn role_template(role: Role) -> &'static str {
     }
 }
 
-/// What a handbook is made of. Nothing of it changes during a run.
+/// Parts that a handbook is made of. None of them changes during a run.
 #[derive(Clone, Copy, Debug)]
 pub struct HandbookParts<'a> {
     /// Interface I_b of the family.
@@ -70,22 +70,22 @@ pub struct HandbookParts<'a> {
     pub protected_words: &'a [&'a str],
     /// How programs are labelled and accepted.
     pub measures: &'a Measures,
-    /// What an ablation leaves out.
+    /// Parts that an ablation leaves out.
     pub omitted: Omitted,
     /// How the family searches and what the driver under test heeds, in sentences; only in detailed questions.
     pub detail: Option<Detail<'a>>,
 }
 
-/// What only a detailed handbook says.
+/// Parts that only a detailed handbook has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Detail<'a> {
-    /// What the family's search goes through, what it ranks, and what hides an edit.
+    /// Text on what the family's search goes through, what it ranks, and what hides an edit.
     pub search: &'a str,
-    /// What holds around the search of every family: what predictions rest on, what filters and laws see.
+    /// Text on what holds around the search of every family: what predictions rest on, what filters and laws see.
     pub around: &'a str,
-    /// What the driver under test looks at and what it does not; `None` where the run does not say it.
+    /// Text on what the driver under test looks at and what it does not; `None` where the run does not say it.
     pub ego: Option<&'a str>,
-    /// Whether the handbook is that of compact questions.
+    /// True if the handbook is that of compact questions.
     pub compact: bool,
 }
 
@@ -157,7 +157,7 @@ pub struct Briefing {
     questions: Questions,
     handbook: Text,
     text: Text,
-    /// What a patch repeats of its parent: member of the reply -> value.
+    /// Values that a patch repeats of its parent: member of the reply -> value.
     repeats: BTreeMap<&'static str, String>,
     /// The schemas of patches closed over this question, for models that are held to them.
     closed: ClosedSchemas,
@@ -246,7 +246,7 @@ impl Briefing {
     }
 }
 
-/// What a critic or a repair is asked about.
+/// Subject that a critic or a repair is asked about.
 pub enum Subject<'a> {
     /// No patch yet: the actor writes the first one.
     None,
@@ -254,7 +254,7 @@ pub enum Subject<'a> {
     Review {
         /// The patch in question, as JSON text.
         patch: &'a str,
-        /// What the gates say of it; `None` where they are asked after the critics.
+        /// Findings of the gates on it; `None` where they are asked after the critics.
         findings: Option<&'a Findings>,
         /// The critic's own answer that could not be used, and why, where it is asked again.
         unusable: Option<(&'a [u8], &'a str)>,
@@ -263,9 +263,9 @@ pub enum Subject<'a> {
     Repair {
         /// The patch in question, as JSON text.
         patch: &'a str,
-        /// What the critics said about it.
+        /// Reviews that the critics gave it.
         reviews: &'a [Review],
-        /// What the gates say of it, likewise.
+        /// Findings of the gates on it, likewise.
         findings: Option<&'a Findings>,
     },
     /// An answer that holds no patch.
@@ -357,12 +357,12 @@ fn task_text(
     fill(template, &values)
 }
 
-/// What a role is to do: the same in every run of this adapter version.
+/// Task of a role: the same in every run of this adapter version.
 #[derive(Clone, Debug)]
 pub struct Instructions {
     /// Its message.
     pub text: Text,
-    /// What its reply must satisfy.
+    /// Schema that its reply must satisfy.
     pub schema: Schema,
 }
 

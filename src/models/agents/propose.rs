@@ -61,7 +61,7 @@ pub enum AgentError {
     },
 }
 
-/// What the gates say of a patch, given the error type of whoever runs them.
+/// Check of a patch by the gates, with the error type of whoever runs them.
 pub type Check<'a, E> = dyn Fn(&ProgramPatch) -> Result<Findings, E> + 'a;
 
 /// Asks actor, critics and repair for one patch. It records every exchange, also the unusable ones. `check` runs the gates

@@ -30,26 +30,26 @@ pub struct Cluster {
     pub name: String,
     /// Number of scenes in the group.
     pub scenes: usize,
-    /// What the scenes have in common, in words.
+    /// Traits that the scenes have in common, in words.
     pub describes: String,
     /// Share of these scenes in which the parent's attack succeeded, 0..1.
     pub attacked_share: Option<f64>,
     /// Mean of scene features in the group: feature name -> value, units as in the contract.
     pub features: BTreeMap<String, f64>,
-    /// What became of its scenes of the window: outcome -> scenes; only in detailed questions.
+    /// Outcomes of its scenes of the window: outcome -> scenes; only in detailed questions.
     pub outcomes: BTreeMap<&'static str, usize>,
 }
 
 /// A member of the lineage's non-dominated set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrontPoint {
-    /// Which program.
+    /// Id of the program.
     pub solution: SolutionId,
     /// F(c).
     pub objectives: Objectives,
     /// The attempt that brought it, whose content the history shows; `None` for the first parent.
     pub attempt: Option<AttemptId>,
-    /// Whether it is the parent that is edited.
+    /// True if it is the parent that is edited.
     pub is_parent: bool,
     /// The same on the present window, where the parent and its children are compared; only in detailed questions.
     pub on_window: Option<Objectives>,

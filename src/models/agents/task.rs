@@ -15,7 +15,7 @@ use crate::{
     objects::{Card, GatesAsked, LineageId, Objectives, Program, Role, UnreadableCritic, UnreadablePatch},
 };
 
-/// Which form the questions of a run have. Recorded answers are kept under their questions, so an earlier form stays as it is.
+/// Form of a run's questions. Recorded answers are kept under their questions, so an earlier form stays as it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Questions {
@@ -29,12 +29,12 @@ pub enum Questions {
 }
 
 impl Questions {
-    /// Whether it is the first form.
+    /// Returns `true` if it is the first form.
     pub fn is_plain(&self) -> bool {
         *self == Questions::Plain
     }
 
-    /// Whether it is the short form of detailed questions.
+    /// Returns `true` if it is the short form of detailed questions.
     pub fn is_compact(&self) -> bool {
         *self == Questions::Compact
     }
@@ -43,7 +43,7 @@ impl Questions {
 /// Everything of the frozen snapshot that prompts of one lineage and epoch show. Every slot and every role sees the same.
 #[derive(Clone, Copy, Debug)]
 pub struct Context<'a> {
-    /// Whose epoch it is.
+    /// Lineage whose epoch it is.
     pub lineage: &'a LineageId,
     /// Epoch, from 0.
     pub epoch: u32,
@@ -51,7 +51,7 @@ pub struct Context<'a> {
     pub parent: &'a Program,
     /// Hash of its content.
     pub parent_hash: Digest,
-    /// What stands before the context in every question.
+    /// Text that stands before the context in every question.
     pub handbook: &'a Handbook,
     /// The fixed driver, in a sentence.
     pub ego: &'a str,
@@ -67,9 +67,9 @@ pub struct Context<'a> {
     pub history: &'a [PastEdit],
     /// The lineage's front.
     pub front: &'a [FrontPoint],
-    /// Which form the question has.
+    /// Form of the question.
     pub questions: Questions,
-    /// What became of the attempts that the history leaves out, in a sentence; only in detailed questions.
+    /// Sentence on what became of the attempts that the history leaves out; only in detailed questions.
     pub not_shown: &'a str,
 }
 
@@ -101,15 +101,15 @@ impl ParentOutcome {
 /// The search target of a slot (paper: η).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Target {
-    /// What is asked for.
+    /// Kind of the request.
     pub kind: TargetKind,
     /// The request in a sentence, as the prompt shows it and the attempt keeps it.
     pub text: String,
-    /// Where this slot should look first, so that the slots of an epoch are different ideas.
+    /// First place for this slot to look, so that the slots of an epoch are different ideas.
     pub instruction: String,
 }
 
-/// What is asked for (paper: search target η).
+/// Kind of a slot's request (paper: search target η).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TargetKind {
@@ -128,7 +128,7 @@ pub struct Task<'a> {
     pub briefing: &'a super::Briefing,
     /// Place among the proposals of the epoch, from 0.
     pub slot: u32,
-    /// What the search is asked for.
+    /// Request to the search.
     pub target: &'a Target,
     /// The model of each role; the experiment file names them one by one.
     pub models: &'a BTreeMap<Role, ModelSpec>,
@@ -138,8 +138,8 @@ pub struct Task<'a> {
     pub max_repair_rounds: u32,
     /// When the gates judge a patch.
     pub gates: GatesAsked,
-    /// What becomes of a proposal of which a critic gave no readable review.
+    /// Treatment of a proposal of which a critic gave no readable review.
     pub unreadable_critic: UnreadableCritic,
-    /// What becomes of a proposal whose patch cannot be read.
+    /// Treatment of a proposal whose patch cannot be read.
     pub unreadable_patch: UnreadablePatch,
 }

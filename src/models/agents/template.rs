@@ -11,7 +11,7 @@ use serde_json::Value;
 pub struct PromptError {
     /// File name of the template.
     pub template: &'static str,
-    /// What is wrong with it.
+    /// Fault of the template.
     pub reason: String,
 }
 

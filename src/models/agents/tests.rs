@@ -84,7 +84,7 @@ fn target() -> Target {
     Target { kind, text: "Raise attack above 0.400.".into(), instruction: "Look at who is chosen.".into() }
 }
 
-/// What the gates say where nothing is wrong.
+/// Returns the findings of gates that find nothing wrong.
 fn passed() -> Findings {
     let all = [
         Gate::Schema,

@@ -11,7 +11,7 @@ use crate::kernel::num;
 /// A diagnostic at or above this is not shown.
 const SATISFIED: f64 = 0.995;
 
-/// What the parent did in one scene.
+/// Outcome of the parent in one scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneRow {
     /// Id of the scene.
@@ -24,13 +24,13 @@ pub struct SceneRow {
     pub actors: Vec<String>,
     /// The label, 0..=1.
     pub attack: f64,
-    /// What became of it, one word.
+    /// Outcome, one word.
     pub outcome: &'static str,
     /// Class of the ego's contact, if it met anyone.
     pub contact: Option<String>,
     /// Smallest distance of the ego to an adversary, metres.
     pub nearest_m: Option<f64>,
-    /// What the compiler has to say, e.g. a filter that refused every candidate.
+    /// Note of the compiler, e.g. a filter that refused every candidate.
     pub note: String,
     /// d_j of each diagnostic, 1 = satisfied.
     pub diagnostics: BTreeMap<String, f64>,

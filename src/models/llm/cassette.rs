@@ -47,11 +47,11 @@ pub enum CassetteError {
         file: String,
         /// Number of the line, from 1.
         line: usize,
-        /// What was expected there.
+        /// Content that was expected there.
         expected: String,
-        /// What was found there.
+        /// Content that was found there.
         found: String,
-        /// What helps.
+        /// Remedy.
         remedy: &'static str,
     },
     /// Another version of the format wrote the file.
@@ -92,7 +92,7 @@ pub struct Recorded {
     pub adapter_version: u32,
     /// Position of the question in the run.
     pub slot: DrawSlot,
-    /// Who answered.
+    /// Model that answered.
     pub model: Arc<ModelSpec>,
     /// (role, text) of each message.
     pub messages: Vec<(String, Text)>,
@@ -102,7 +102,7 @@ pub struct Recorded {
     pub response: Digest,
     /// The answer, raw.
     pub bytes: Vec<u8>,
-    /// What the provider said about the answer; no key and no result depends on it.
+    /// Metadata of the provider about the answer; no key and no result depends on it.
     pub metadata: Option<Metadata>,
 }
 
@@ -458,7 +458,7 @@ impl Cassette {
         of.metadata.as_ref().filter(|_| !self.has_unsealed_metadata)?.digest().ok()
     }
 
-    /// Whether runs seal what providers said about its answers.
+    /// Returns `true` if runs seal what providers said about its answers.
     pub fn seals_metadata(&self) -> bool {
         !self.has_unsealed_metadata
     }

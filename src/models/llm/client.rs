@@ -54,10 +54,10 @@ pub struct ClientOptions {
     /// NAME of the environment variable that holds the key; none where the server wants none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub api_key_env: Option<String>,
-    /// What stands behind `?` in the address, as Azure's `api-version`; never a key.
+    /// Parameters behind `?` in the address, as Azure's `api-version`; never a key.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub query: BTreeMap<String, String>,
-    /// Headers of a gateway's; never a key.
+    /// Headers for a gateway; never a key.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub headers: BTreeMap<String, String>,
     /// The header that carries the bare key, as Azure's `api-key`, in place of the protocol's own.
@@ -69,7 +69,7 @@ pub struct ClientOptions {
     pub attempts_max: u32,
     /// Longest wait between two attempts, in seconds. A server that asks for more ends the run.
     pub wait_s_max: u64,
-    /// What becomes of refusals, empty answers and answers cut at the limit of tokens.
+    /// Treatment of refusals, empty answers and answers cut at the limit of tokens.
     pub incomplete_replies: IncompleteReplies,
     /// US dollars per million tokens of prompt; 0 for a model of your own.
     pub input_usd_per_million: f64,
@@ -104,7 +104,7 @@ impl ClientOptions {
     }
 }
 
-/// What becomes of an answer that is a refusal, empty or cut.
+/// Treatment of an answer that is a refusal, empty or cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum IncompleteReplies {
@@ -131,7 +131,7 @@ impl SpendCap {
     }
 }
 
-/// Whether asking this kind needs the network.
+/// Returns `true` if asking this kind needs the network.
 pub fn is_live(kind: &str) -> bool {
     kind == OPENAI_COMPATIBLE || kind == ANTHROPIC
 }
@@ -297,7 +297,7 @@ fn not_negative(place: &str, value: f64) -> Result<(), String> {
     if value.is_finite() && value >= 0.0 { Ok(()) } else { Err(format!("{place} is {value}, expected 0 or more")) }
 }
 
-/// Whether the authority at the start of `rest` (an address without its scheme) is this machine.
+/// Returns `true` if the authority at the start of `rest` (an address without its scheme) is this machine.
 pub fn is_loopback(rest: &str) -> bool {
     let authority = rest.split('/').next().unwrap_or("");
     if let Some(port) = authority.strip_prefix("[::1]") {

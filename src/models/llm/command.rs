@@ -21,7 +21,7 @@ pub struct CommandOptions {
     /// files travel with the work.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub files: Option<Vec<PathBuf>>,
-    /// Whether the program may try drafts of a patch before it answers: its request names the question then.
+    /// True if the program may try drafts of a patch before it answers: its request names the question then.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub tries: bool,
 }
@@ -86,10 +86,10 @@ pub trait Run: Send + Sync {
 /// A model that is a program.
 pub struct Command<'a> {
     options: CommandOptions,
-    /// Who answers, and how: kept with every answer.
+    /// Note on who answers, and how: kept with every answer.
     provenance: String,
     run: Box<dyn Run + 'a>,
-    /// Where drafts are tried.
+    /// Desk at which drafts are tried.
     desk: Option<Desk>,
 }
 
@@ -152,7 +152,7 @@ impl Command<'_> {
         self.run.run_beside(&self.options.program, input, Duration::from_secs(self.options.timeout_s), meanwhile)
     }
 
-    /// What its end means.
+    /// Turns the program's end into a completion or an error.
     fn read(&self, ended: Ended, tries: Vec<TriedDraft>) -> Result<Completion, ModelError> {
         match ended {
             Ended::Well(bytes) => {

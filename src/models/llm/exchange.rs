@@ -27,7 +27,7 @@ pub type Pause = Arc<dyn Fn() -> bool + Send + Sync>;
 /// Told of each request file that waits for its reply.
 pub type Tell = Arc<dyn Fn(&Path) + Send + Sync>;
 
-/// What a request file holds.
+/// Contents of a request file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Written {
@@ -51,7 +51,7 @@ pub struct Entry {
     pub number: u64,
     /// Position of the question in the run.
     pub slot: DrawSlot,
-    /// Whether its reply is there.
+    /// True if its reply is there.
     pub answered: bool,
     /// The file to read.
     pub request: PathBuf,
@@ -63,7 +63,7 @@ pub struct Entry {
 pub struct Desk {
     dir: PathBuf,
     numbers: Mutex<BTreeMap<Digest, u64>>,
-    /// Whether each question is written as a page, too.
+    /// True if each question is also written as a page.
     pages: bool,
 }
 
@@ -165,7 +165,7 @@ impl Desk {
 /// A folder with questions, and who waits for their replies.
 pub struct Exchange {
     desk: Desk,
-    /// Who answers, and how: kept with every answer.
+    /// Note on who answers, and how: kept with every answer.
     provenance: String,
     pause: Pause,
     tell: Tell,
@@ -282,16 +282,16 @@ pub fn try_draft(question: &Path, draft: &[u8]) -> Result<PathBuf, ModelError> {
     Err(refused(format!("{}: {TRIES_MAX} drafts were tried, and no more are; answer it", question.display())))
 }
 
-/// What was said of a draft; nothing while it waits.
+/// Returns what was said of a draft; `None` while it waits.
 ///
 /// # Errors
-/// The file cannot be read.
+/// Returns an error if the file cannot be read.
 pub fn said_of(said: &Path) -> Result<Option<Tried>, ModelError> {
     let Some(bytes) = replied(said)? else { return Ok(None) };
     serde_json::from_slice(&bytes).map(Some).map_err(|error| on_disk(said, &error))
 }
 
-/// Whether the answer is a patch, which gates can judge.
+/// Returns `true` if the answer is a patch, which gates can judge.
 fn is_tried(slot: &DrawSlot) -> bool {
     ["actor", "repair"].contains(&slot.role.as_str())
 }
@@ -354,7 +354,7 @@ fn replied(path: &Path) -> Result<Option<Vec<u8>>, ModelError> {
     Ok((!bytes.is_empty()).then_some(bytes))
 }
 
-/// What was asked in a folder, by number.
+/// Reads the questions that were asked in a folder, in the order of their numbers.
 fn written(dir: &Path) -> Result<Vec<Written>, ModelError> {
     let mut questions = Vec::new();
     for path in store::list_entries(dir, REQUEST).map_err(|error| on_disk(dir, &error))? {

@@ -35,7 +35,7 @@ pub struct Reply {
     pub response: Digest,
     /// The answer, raw.
     pub bytes: Vec<u8>,
-    /// What the provider said about the answer; no result depends on it.
+    /// Metadata of the provider about the answer; no result depends on it.
     pub metadata: Option<Metadata>,
     /// Digest of that, where the recording seals it.
     pub sealed_metadata: Option<Digest>,
@@ -70,7 +70,7 @@ pub enum AskError {
     /// The store could not be read or written.
     #[error("{0}")]
     Disk(std::sync::Arc<crate::store::StoreError>),
-    /// What is stored cannot be used, or what is to be stored has no bytes; it holds the reason.
+    /// Stored data that cannot be used, or an object without bytes that was to be stored; it holds the reason.
     #[error("{0}")]
     Store(String),
     /// Whoever started the run wants it to stop; nobody was asked.

@@ -1,4 +1,4 @@
-//! What can answer a request. This module does not know cassettes or recording.
+//! Models that can answer a request. This module does not know cassettes or recording.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,17 +20,17 @@ pub trait Model: Sync {
 
 /// Judges a draft before it is an answer: it is read, gates and compiler look at it. No label of it is told.
 pub trait DraftJudge {
-    /// What they say of a draft.
+    /// Returns what they say of a draft.
     fn tried(&self, draft: &[u8]) -> Tried;
 }
 
-/// What reader, gates and compiler say of a draft.
+/// Verdict of reader, gates and compiler on a draft.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tried {
-    /// Whether an answer like it would pass.
+    /// True if an answer like it would pass.
     pub passes: bool,
-    /// What they say: JSON as critics and repair are told it, or why it cannot be read.
+    /// Reasons: JSON as critics and repair are told it, or why it cannot be read.
     pub says: String,
 }
 
@@ -40,7 +40,7 @@ pub struct Tried {
 pub struct TriedDraft {
     /// Digest of its bytes.
     pub draft: Digest,
-    /// Whether it would have passed.
+    /// True if it would have passed.
     pub passes: bool,
 }
 
@@ -49,7 +49,7 @@ pub struct TriedDraft {
 pub struct Completion {
     /// The content: raw bytes, re-parsed at every replay.
     pub bytes: Vec<u8>,
-    /// What a provider says about the answer. The scripted model says nothing.
+    /// Metadata of a provider about the answer. The scripted model gives none.
     pub metadata: Option<Metadata>,
 }
 
@@ -59,7 +59,7 @@ impl From<Vec<u8>> for Completion {
     }
 }
 
-/// What a provider reports beside the content. Recorded for the reader; no result and no key depends on it.
+/// Report of a provider beside the content. Recorded for the reader; no result and no key depends on it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Metadata {
@@ -94,8 +94,8 @@ const BYTES_A_TOKEN_MAX: u64 = 8;
 const JUDGED_BYTES_MIN: u64 = 4096;
 
 impl Metadata {
-    /// Whether a prompt of this many bytes was cut by its server: it reports too few tokens to hold it.
-    /// What a filter stopped need not have been read, and tokens from a cache were.
+    /// Returns `true` if its server cut a prompt of this many bytes: it reports too few tokens to hold it. A
+    /// prompt that a filter stopped need not have been read, and tokens from a cache count as read.
     pub fn prompt_was_cut(&self, prompt_bytes: u64) -> bool {
         let of_caches = [self.cached_input_tokens, self.cache_write_tokens].into_iter().flatten();
         let least = of_caches.fold(0, u64::saturating_add);
@@ -111,12 +111,12 @@ impl Metadata {
     }
 }
 
-/// Whether a finish reason says that a filter of the provider's, or the model, declined.
+/// Returns `true` if a finish reason says that a filter of the provider's, or the model, declined.
 pub fn is_filtered(finish_reason: &str) -> bool {
     const WORDS: [&str; 7] =
         ["content_filter", "refusal", "safety", "prohibited_content", "blocklist", "recitation", "sensitive"];
     let word = finish_reason.trim().to_ascii_lowercase();
-    // Some say behind it what was found.
+    // Some add after the word what was found.
     WORDS
         .iter()
         .any(|known| word == *known || word.strip_prefix(known).is_some_and(|rest| rest.starts_with([':', ' '])))
@@ -139,27 +139,27 @@ pub enum ModelError {
         "no answer from {address} after {attempts} attempts: {reason}; repeat the command, what was answered is not asked again"
     )]
     Transport {
-        /// Where it was sent.
+        /// Address that it was sent to.
         address: String,
         /// How often it was tried.
         attempts: u32,
-        /// What happened.
+        /// Reason why no answer came.
         reason: String,
     },
     /// The other side understood the request and refuses it; asking again would not help.
     #[error("{address} refuses the request: {reason}")]
     Refused {
-        /// Where it was sent.
+        /// Address that it was sent to.
         address: String,
-        /// What was said.
+        /// Reason that was given.
         reason: String,
     },
     /// The model itself declines to answer, or the provider's filter does.
     #[error("the model at {address} declines to answer: {reason}; {INCOMPLETE}")]
     Declined {
-        /// Who answered.
+        /// Address that answered.
         address: String,
-        /// What was said.
+        /// Reason that was given.
         reason: String,
     },
     /// The answer was cut at the limit of tokens.
@@ -167,39 +167,39 @@ pub enum ModelError {
         "the answer of {address} was cut after {output_tokens} tokens (finish reason {finish_reason}){aside}; raise max_tokens, or {INCOMPLETE}"
     )]
     Truncated {
-        /// Who answered.
+        /// Address that answered.
         address: String,
         /// Tokens of the answer, `?` where the provider says nothing.
         output_tokens: String,
         /// Why the answer ended, in the provider's word.
         finish_reason: String,
-        /// Where text stands that is no reply, and what to do; empty where there is none.
+        /// Note on where text stands that is no reply, and on what to do; empty where there is none.
         aside: Box<str>,
     },
     /// An answer without content.
     #[error("the answer of {address} is empty (finish reason {finish_reason}){aside}; {INCOMPLETE}")]
     Empty {
-        /// Who answered.
+        /// Address that answered.
         address: String,
         /// Why the answer ended, in the provider's word.
         finish_reason: String,
-        /// Where text stands that is no reply, and what to do; empty where there is none.
+        /// Note on where text stands that is no reply, and on what to do; empty where there is none.
         aside: Box<str>,
     },
     /// An answer of which nobody can say that it is whole.
     #[error("the answer of {address} is incomplete: {reason}; {INCOMPLETE}")]
     Incomplete {
-        /// Who answered.
+        /// Address that answered.
         address: String,
         /// Why it does not count as whole.
         reason: String,
     },
-    /// What came back is not what the protocol says.
+    /// An answer that is not what the protocol says.
     #[error("{address} answered with something else than the protocol says: {reason}")]
     Malformed {
-        /// Who answered.
+        /// Address that answered.
         address: String,
-        /// What is wrong with it, and what to do.
+        /// Fault of the answer, and what to do.
         reason: String,
     },
     /// The call was not made because a cap of the experiment would be exceeded.
@@ -207,7 +207,7 @@ pub enum ModelError {
         "spend cap reached: {reason}; raise [spend] in the experiment file and repeat the `evodrive record` command: what was answered is not asked again"
     )]
     SpendCap {
-        /// Which cap, and what it would take.
+        /// Reason: which cap, and what it would take.
         reason: String,
     },
     /// A program that was started to answer did not.
@@ -227,13 +227,13 @@ pub enum ModelError {
     Lacking {
         /// The program with its arguments.
         address: String,
-        /// What is missing.
+        /// Reason: what is missing.
         reason: String,
     },
     /// The request cannot be answered by this model: what is missing or wrong in it, and where.
     #[error("the request cannot be answered: {reason}")]
     Unanswerable {
-        /// What is missing or wrong, and where.
+        /// Reason: what is missing or wrong, and where.
         reason: String,
     },
 }

@@ -36,7 +36,7 @@ pub struct Record<'a> {
     /// By the name that a request's `ModelSpec` has.
     models: BTreeMap<String, Box<dyn Model + 'a>>,
     collected: Mutex<BTreeMap<(DrawSlot, Digest), Collected>>,
-    /// How many replies of a model were refused in one way.
+    /// Number of replies of a model that were refused in one way.
     refused: Mutex<BTreeMap<(String, &'static str), usize>>,
     tell: &'a (dyn Fn(&str) + Sync),
 }
@@ -84,14 +84,14 @@ impl<'a> Record<'a> {
         }
     }
 
-    /// What was asked and answered, in the given order of draw slots and then, for slots not named there, in slot
-    /// order: the cassette is the same for any order of threads.
+    /// Returns what was asked and answered, in the given order of draw slots and then, for slots not named there,
+    /// in slot order: the cassette is the same for any order of threads.
     pub fn into_cassette(self, name: &str, order: &[DrawSlot]) -> Result<Cassette, CassetteError> {
         let collected = std::mem::take(&mut *self.collected());
         self.cassette_of(collected, name, order)
     }
 
-    /// What was asked and answered so far, in slot order.
+    /// Returns what was asked and answered so far, in slot order.
     pub fn to_cassette(&self, name: &str) -> Result<Cassette, CassetteError> {
         let collected = self.collected().clone();
         self.cassette_of(collected, name, &[])

@@ -63,8 +63,8 @@ fn miss(cassette: &Cassette, request: &Request, key: crate::kernel::Digest, reme
     }
 }
 
-/// Of the exchanges nearest in their slot the one that shares most with the request: a slot may have been recorded several
-/// times. If two share as much, the one recorded first.
+/// Returns, of the exchanges nearest in their slot, the one that shares most with the request: a slot may have been
+/// recorded several times. If two share as much, returns the one recorded first.
 fn nearest<'c>(exchanges: &'c [Recorded], request: &Request) -> Option<&'c Recorded> {
     let least = exchanges.iter().map(|recorded| distance(&recorded.slot, &request.slot)).min()?;
     let near = exchanges.iter().filter(|recorded| distance(&recorded.slot, &request.slot) == least);
@@ -77,9 +77,9 @@ fn distance(a: &DrawSlot, b: &DrawSlot) -> (bool, u32, u32, u32) {
     (elsewhere, a.epoch.abs_diff(b.epoch), a.slot.abs_diff(b.slot), a.round.abs_diff(b.round))
 }
 
-/// How many of the fields besides the messages' texts are equal, how many messages are, how many bytes at the beginnings and the ends of
-/// the others, and how little these differ in length. A question that is asked once more repeats the first one and goes on behind it:
-/// where something ahead of that has changed, only the ends tell the two apart.
+/// Counts the fields besides the messages' texts that are equal, the messages that are, and the bytes that are at the beginnings and the
+/// ends of the others, and says how little these differ in length. A question that is asked once more repeats the first one and goes on
+/// behind it: where something ahead of that has changed, only the ends tell the two apart.
 fn shared(recorded: &Recorded, request: &Request) -> (usize, usize, usize, Reverse<usize>) {
     let fields = [
         recorded.adapter_version == request.adapter_version,
@@ -262,7 +262,7 @@ mod tests {
         assert_eq!(differs, r#"message 4001 (user) line 1: recorded "was", asked "is""#);
     }
 
-    /// What is changed in a request that was recorded, and the word by which the message names it.
+    /// Change in a request that was recorded, and the word by which the message names it.
     #[derive(Clone, Debug)]
     enum Change {
         Version,

@@ -17,9 +17,9 @@ pub struct Refusal {
     pub line: usize,
     /// From 1, in bytes.
     pub column: usize,
-    /// What the schema asks for.
+    /// Value that the schema asks for.
     pub expected: String,
-    /// What the answer holds.
+    /// Value that the answer holds.
     pub found: String,
 }
 

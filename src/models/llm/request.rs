@@ -17,7 +17,7 @@ pub struct Request {
     pub adapter_version: u32,
     /// Position of the question in the run.
     pub slot: DrawSlot,
-    /// Who is asked, with sampling parameters.
+    /// Model that is asked, with sampling parameters.
     pub model: ModelSpec,
     /// The prompt, in order.
     pub messages: Vec<Message>,
@@ -30,7 +30,7 @@ pub struct Request {
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DrawSlot {
-    /// Which lineage.
+    /// Name of the lineage.
     pub lineage: String,
     /// Epoch, from 0.
     pub epoch: u32,
@@ -62,16 +62,16 @@ pub struct ModelSpec {
     /// Further fields of a live model's request, sent as they are.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub body: BTreeMap<String, serde_json::Value>,
-    /// What an experiment does with the model. It changes no answer: it is written nowhere, is no part of the key, and two models
-    /// that differ in it are the same to ask.
+    /// Treatment of the model by an experiment. It changes no answer: it is written nowhere, is no part of the key, and two
+    /// models that differ in it are the same to ask.
     #[serde(skip)]
     pub here: Here,
 }
 
-/// What an experiment does with a model, beside asking it.
+/// Treatment of a model by an experiment, beside asking it.
 #[derive(Clone, Debug, Default)]
 pub struct Here {
-    /// Whether wrappings around a reply are taken off before it is read ([`unwrap`](super::unwrap)).
+    /// True if wrappings around a reply are taken off before it is read ([`unwrap`](super::unwrap)).
     pub unwrap: bool,
     /// A model of kind `drawn`: who is asked in its place.
     pub drawn: Option<Arc<Drawn>>,
@@ -114,7 +114,7 @@ impl PartialEq for ModelSpec {
 }
 
 impl ModelSpec {
-    /// Who is asked in a slot: the model itself, or the one that is drawn there.
+    /// Returns the model that is asked in a slot: this one, or the one that is drawn there.
     pub fn drawn(&self, slot: &DrawSlot) -> &ModelSpec {
         self.here.drawn.as_ref().and_then(|drawn| drawn.at(slot)).unwrap_or(self)
     }
@@ -159,7 +159,7 @@ pub enum ResponseFormat {
 pub struct Message {
     /// `system` or `user`.
     pub role: String,
-    /// What it says.
+    /// Text of the message.
     pub text: Text,
 }
 

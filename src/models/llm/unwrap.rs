@@ -7,7 +7,7 @@ use super::reply::{Refusal, json_object};
 
 /// The byte order mark of UTF-8.
 pub const MARK: &[u8] = b"\xef\xbb\xbf";
-/// What ends an answer inside a model, where its server lets it through.
+/// Tokens that end an answer inside a model, where its server lets them through.
 const END_TOKENS: [&str; 10] = [
     "<|im_end|>",
     "<|endoftext|>",
@@ -31,7 +31,7 @@ impl ModelSpec {
     }
 }
 
-/// Whether a reply is one JSON object, wrapped or not.
+/// Returns `true` if a reply is one JSON object, wrapped or not.
 pub fn holds_object(reply: &[u8]) -> bool {
     json_object(reply).is_ok() || unwrapped(reply).is_some()
 }
@@ -59,7 +59,7 @@ fn unwrapped(reply: &[u8]) -> Option<(&[u8], Vec<&'static str>)> {
     (!taken.is_empty() && json_object(text.as_bytes()).is_ok()).then_some((text.as_bytes(), taken))
 }
 
-/// What follows a leading think block. Its first half may stand in the prompt, so the closing word alone counts too.
+/// Returns what follows a leading think block. Its first half may stand in the prompt, so the closing word alone counts too.
 fn behind_thoughts(text: &str) -> Option<&str> {
     let begun = THOUGHTS.iter().find(|(open, _)| text.starts_with(open));
     let (inside, rest) = match begun {

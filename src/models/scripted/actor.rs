@@ -67,7 +67,7 @@ fn weight(page: &PromptView, strategy: &Strategy) -> f64 {
     weight
 }
 
-/// Whether the latest labelled attempt had less realism than its parent.
+/// Returns `true` if the latest labelled attempt had less realism than its parent, by more than 0.01.
 fn lost_realism(page: &PromptView) -> bool {
     let latest = page.history.iter().rev().find_map(|edit| edit.change.as_ref());
     latest.is_some_and(|change| change.realism() < -0.01)

@@ -89,7 +89,7 @@ impl Question {
         Ok(Question { response_id, attackers_max, vehicles: take(&rows, "Vehicles")?, tried })
     }
 
-    /// Who attacks next and why. If it overlooks the feedback, it takes the next best vehicle.
+    /// Returns who attacks next and why. If it overlooks the feedback, it takes the next best vehicle.
     fn choice(&self, overlooks: bool) -> (Vec<String>, String) {
         let last = self.tried.last().filter(|_| !overlooks);
         let leader = last.and_then(|last| self.vehicle(last.attackers.first()?));

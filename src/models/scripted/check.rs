@@ -40,7 +40,7 @@ pub enum Fix {
 }
 
 impl Finding {
-    /// What a critic writes into `repair_hints`.
+    /// Returns what a critic writes into `repair_hints`.
     pub fn hint(&self) -> String {
         match &self.fix {
             Fix::Identity => "copy the identifiers of the identity block".into(),
@@ -50,7 +50,7 @@ impl Finding {
         }
     }
 
-    /// What a critic writes into `blockers`.
+    /// Returns what a critic writes into `blockers`.
     pub fn blocker(&self) -> String {
         format!("{}: {}", self.path, self.problem)
     }
@@ -319,7 +319,7 @@ impl<'a> Check<'a> {
         }
     }
 
-    /// How many nodes each slot has, and that every node but one feeds another.
+    /// Checks how many nodes each slot has, and that every node but one feeds another.
     fn shape(&mut self) {
         let graph = &self.child.operator_graph;
         for (slot, spec) in &self.page.contract.operators {

@@ -10,7 +10,7 @@ use crate::llm::{Message, ModelError};
 
 type Blocks = BTreeMap<String, Value>;
 
-/// Whether these are the blocks of a compact question: its task is no JSON.
+/// Returns `true` if these are the blocks of a compact question: its task is no JSON.
 pub fn is_compact(blocks: &Blocks) -> bool {
     blocks.get("Task").is_some_and(Value::is_string)
 }
@@ -118,8 +118,8 @@ fn first_word(text: &str) -> &str {
     text.split([':', ' ']).next().unwrap_or_default()
 }
 
-/// What a patch repeats of its parent: as the form of the answer has it, or as the patch says where it does not repeat it. Family and id
-/// stand in the headings. A critic of a patch that repeats the hash is not told it, and any word does.
+/// Returns what a patch repeats of its parent: as the form of the answer has it, or as the patch says where it does not repeat it.
+/// Family and id stand in the headings. A critic of a patch that repeats the hash is not told it, and any word does.
 fn identity(patch: Option<&Value>, messages: &[Message], prompt: &str) -> Map<String, Value> {
     let between = |before: &str, after: char| {
         messages.iter().find_map(|message| message.text.split_once(before)?.1.split(after).next())

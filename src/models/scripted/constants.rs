@@ -77,7 +77,7 @@ fn constant(page: &PromptView, place: &Constant<'_>, about: &str, stream: &mut S
     num::rounded(stream.uniform(low, high), if high > 20.0 { 1 } else { 2 }).to_string()
 }
 
-/// How many words of three letters and more a name shares with a text.
+/// Returns how many words of three letters and more a name shares with a text.
 pub fn kinship(name: &str, text: &str) -> usize {
     const EVERYWHERE: [&str; 6] = ["mps", "mps2", "mps3", "radps", "min", "max"];
     name.split('_').filter(|word| word.len() >= 3 && !EVERYWHERE.contains(word) && text.contains(word)).count()

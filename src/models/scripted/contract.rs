@@ -67,7 +67,7 @@ pub struct Limits {
     pub expression_depth: usize,
 }
 
-/// Who reads a scene feature.
+/// Reader of a scene feature.
 const EVERYBODY: &str = "every expression";
 /// Parts of a name that say its unit.
 const UNITS: [(&str, &str); 8] = [
@@ -256,7 +256,7 @@ impl Domain {
         self.kind == "number" || self.kind == "integer"
     }
 
-    /// Whether a literal lies in it.
+    /// Returns `true` if a literal lies in it.
     pub fn accepts(&self, value: &Value) -> bool {
         match (self.kind.as_str(), value.as_f64(), value.as_str(), self.range) {
             ("number", Some(x), _, Some([low, high])) => (low..=high).contains(&x),

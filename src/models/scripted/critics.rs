@@ -71,7 +71,7 @@ fn structural(page: &PromptView, patch: &Value) -> Vec<Objection> {
     check::findings(page, patch).into_iter().map(local).collect()
 }
 
-/// Whether the patch can do what the target asks, and whether memory warns of its mechanism.
+/// Objects to a patch that cannot do what the target asks, or whose mechanism memory warns of.
 fn attack(page: &PromptView, patch: &Value) -> Vec<Objection> {
     let mut objections = vec![];
     let operations = edit::operations(patch);

@@ -49,7 +49,7 @@ struct Active {
     lambda_r: f64,
     excluded_groups: Vec<String>,
     lambda_u: f64,
-    /// Where the evaluator predicts pairs: the uncertainty above which it abstains.
+    /// Uncertainty above which the evaluator abstains, where it predicts pairs.
     abstain_above: Option<f64>,
 }
 
@@ -230,7 +230,7 @@ fn ranking(active: &Active, audit: &Audit, ideas: &mut Vec<Idea>) {
     }
 }
 
-/// Who predicts worse than the guess abstains sooner; who turns away what is accepted audits more.
+/// Proposes that a configuration abstains sooner if it predicts worse than the guess, and audits more if it turns away what is accepted.
 fn abstention(active: &Active, audit: &Audit, ideas: &mut Vec<Idea>) {
     let Some(abstain_above) = active.abstain_above else { return };
     if let Some(error) = audit.measures.attack_error.filter(|error| *error > 1.0) {
@@ -278,7 +278,7 @@ fn columns(active: &Active, audit: &Audit, ideas: &mut Vec<Idea>) {
     }
 }
 
-/// Where nothing speaks for anything else: another penalty each time.
+/// Proposes another penalty each time, where nothing speaks for anything else.
 fn another_penalty(active: &Active, turn: usize) -> Idea {
     let factors = [0.3, 2.0, 0.1, 5.0];
     let lambda = num::rounded((active.ridge_lambda * factors[turn % factors.len()]).clamp(0.1, 1e5), 3);

@@ -29,7 +29,7 @@ pub enum Purpose {
     Guard,
     /// A condition on the scene alone.
     Gate,
-    /// What a law says at every step: when it begins, the acceleration, the offset.
+    /// Output of a law at every step: when it begins, the acceleration, the offset.
     Onset,
     Acceleration,
     Offset,
@@ -121,7 +121,7 @@ const ONSETS: [(&str, &str); 4] = [
     ("conflict_onset", "ego_to_conflict_m < <10..40 m>"),
 ];
 
-/// What a law accelerates by.
+/// Expressions that a law accelerates by.
 const ACCELERATIONS: [(&str, &str); 5] = [
     ("brake_ahead", "if(since_onset_s < <0.2..0.6 s>, -<1..4 m/s^2>, -<5..8.5 m/s^2>)"),
     (

@@ -221,7 +221,7 @@ fn prompts_of_cat_in_compact_form() {
     insta::assert_snapshot!("prompts_cat_compact", told(&asked_about(&example)));
 }
 
-/// What all roles share once, then what each is told besides.
+/// Returns what all roles share, once, and then what each is told besides.
 fn golden(family: &str) -> String {
     told(&asked(family))
 }

@@ -72,7 +72,7 @@ impl Model for Scripted {
     }
 }
 
-/// Whether critics hold it against a patch that it adds pressure without a guard.
+/// Returns `true` if critics hold it against a patch that it adds pressure without a guard.
 fn asks_for_guards(request: &Request) -> bool {
     request.model.model != llm::client::SCRIPTED_MODELS[1]
 }

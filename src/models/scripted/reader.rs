@@ -28,9 +28,9 @@ pub struct PromptView {
     /// The patch of a critic or of a repair.
     pub patch: Option<Value>,
     pub reviews: Vec<Review>,
-    /// What the gates have against the patch, by the gate's name.
+    /// Problems that the gates have with the patch, by the gate's name.
     pub refused: BTreeMap<String, Vec<String>>,
-    /// Whether the prompt says that a chain of terms is one level of an expression's depth.
+    /// True if the prompt says that a chain of terms is one level of an expression's depth.
     pub chains_are_one_level: bool,
     /// The text that a repair could not be shown as a patch.
     pub unreadable: Option<String>,
@@ -112,7 +112,7 @@ pub struct ParentOutcome {
 pub struct PastEdit {
     /// As text.
     pub operations: Vec<String>,
-    /// What it changed against its parent, where it was simulated.
+    /// Change that it made against its parent, where it was simulated.
     pub change: Option<PastChange>,
 }
 
@@ -122,7 +122,7 @@ pub struct PastEdit {
 pub struct PastChange(String);
 
 impl PastEdit {
-    /// Whether a module that it wrote has the tag.
+    /// Returns `true` if a module that it wrote has the tag.
     pub fn has_tag(&self, tag: &str) -> bool {
         let tags = self.operations.iter().filter_map(|text| text.split_once(", tags ")?.1.split_once(": "));
         tags.into_iter().any(|(tags, _)| tags.split(' ').any(|other| other == tag))

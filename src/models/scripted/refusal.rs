@@ -1,4 +1,4 @@
-//! What the scripted model says where it cannot answer.
+//! Messages of the scripted model where it cannot answer.
 
 use crate::llm::ModelError;
 

@@ -45,7 +45,7 @@ pub fn repair(page: &PromptView, draws: &Draws) -> Result<Value, ModelError> {
     Ok(patch)
 }
 
-/// Whether a review or a gate mentions it. A repair mends nothing else.
+/// Returns `true` if a review or a gate mentions it. A repair mends nothing else.
 fn is_raised(page: &PromptView, finding: &Finding) -> bool {
     let said = page
         .reviews
@@ -57,7 +57,7 @@ fn is_raised(page: &PromptView, finding: &Finding) -> bool {
     said.into_iter().chain(page.refused.values().flatten()).any(named) || gates_name(page, finding)
 }
 
-/// Whether the gate of identifiers refuses the patch, and the finding is about them.
+/// Returns `true` if the gate of identifiers refuses the patch and the finding is about them.
 fn gates_name(page: &PromptView, finding: &Finding) -> bool {
     matches!(finding.fix, Fix::Identity) && page.refused.contains_key("parent")
 }
@@ -190,7 +190,7 @@ fn redrafted(page: &PromptView, draws: &Draws) -> Result<Value, ModelError> {
     Ok(patch)
 }
 
-/// Whether it has the fields of a patch and no others.
+/// Returns `true` if it has the fields of a patch and no others.
 fn is_patch(value: &Value) -> bool {
     let fields = [
         "source_baseline",

@@ -394,7 +394,7 @@ fn numbers_in(text: &str) -> Vec<(usize, usize)> {
     spans
 }
 
-/// Whether anything in the program follows the parameter.
+/// Returns `true` if anything in the program follows the parameter.
 fn is_used(page: &PromptView, name: &str) -> bool {
     let reference = json!({"parameter": name});
     let graph = page.program.operator_graph.values().flat_map(|node| node.settings.values());

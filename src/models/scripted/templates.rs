@@ -47,7 +47,7 @@ struct Range {
     published: [f64; 2],
 }
 
-/// What a description may say of a number, and which part of its published range is meant: shares of its width.
+/// Words by which a description speaks of a number, and the part of its published range that they mean: shares of its width.
 const SAID: [(&str, &[&str], [f64; 2]); 5] = [
     ("speed_mps", &["fast", "speeding", "hurries", "races", "quickly"], [0.5, 1.0]),
     ("speed_mps", &["slow", "slowly", "creeps", "walks", "steady"], [0.0, 0.6]),

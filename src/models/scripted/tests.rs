@@ -248,7 +248,7 @@ fn repaired(stage: &Stage, patch: &ProgramPatch, reviews: &[Review], slot: u32) 
 /// Drafts that are broken on purpose, a family and kind of error.
 const BROKEN: u32 = 40;
 
-/// How many of a kind of broken drafts some critic holds against, and how many of those the repair mends for the gates.
+/// Returns how many drafts of a kind are broken, how many of these some critic objects to, and how many of those the repair mends for the gates.
 fn caught_and_mended(stage: &Stage, rates: [f64; 4]) -> (usize, usize, usize) {
     let (mut broken, mut caught, mut mended) = (0, 0, 0);
     for slot in 0..BROKEN {

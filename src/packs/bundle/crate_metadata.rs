@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::manifest::Manifest;
 use super::names::{CRATE, FILES, MANIFEST};
 
-/// What only the author of a bundle knows.
+/// Facts that only the author of a bundle knows.
 pub struct Publication<'a> {
     /// ISO 8601, at least a day.
     pub date: &'a str,
@@ -13,7 +13,7 @@ pub struct Publication<'a> {
     pub license: &'a str,
 }
 
-/// The metadata of a bundle with these files, this one not among them.
+/// Returns the metadata of a bundle with these files, this one not among them.
 pub fn metadata(manifest: &Manifest, publication: &Publication<'_>) -> Vec<u8> {
     let listed = manifest.files.iter().map(|content| (content.path.as_str(), Some(content.bytes)));
     let listed: Vec<(&str, Option<u64>)> = listed.chain([(MANIFEST, None)]).collect();

@@ -5,20 +5,20 @@ use crate::store::StoreError;
 /// Every text names the file, what was expected there and what was found.
 #[derive(Debug, thiserror::Error)]
 pub enum BundleError {
-    /// Not a bundle, or one that names what no bundle may hold.
+    /// Not a bundle, or one with entries that no bundle may hold.
     #[error("{file}: {problem}; nothing was written")]
     Refused {
         /// The bundle.
         file: String,
-        /// What was expected and found.
+        /// Description of what was expected and found.
         problem: String,
     },
-    /// Bytes are not those that the manifest speaks of.
+    /// Bytes differ from those of the manifest.
     #[error("{file} is damaged: {problem}; get another copy of it")]
     Damaged {
         /// The bundle.
         file: String,
-        /// The place, what was expected and found.
+        /// The place, and a description of what was expected and found.
         problem: String,
     },
     /// Another version of the format.
@@ -28,7 +28,7 @@ pub enum BundleError {
         file: String,
         /// The format of this build.
         expected: &'static str,
-        /// What the manifest says.
+        /// Format that the manifest names.
         found: String,
     },
     /// A file that is not a key, or a signature that does not hold.
@@ -36,12 +36,12 @@ pub enum BundleError {
     Signature {
         /// The key's file or the bundle.
         file: String,
-        /// What was expected and found.
+        /// Description of what was expected and found.
         problem: String,
-        /// Whether it is the key that cannot be used, and not the signature.
+        /// True if the key cannot be used, false if the signature is at fault.
         key: bool,
     },
-    /// The disk did not do what was asked.
+    /// A fault of the disk.
     #[error(transparent)]
     Store(#[from] StoreError),
 }

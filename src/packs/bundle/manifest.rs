@@ -1,4 +1,4 @@
-//! The manifest: what a bundle holds, with size and digest of every file, and what the run rests on.
+//! The manifest: the content of a bundle, with size and digest of every file, and the versions and digests behind the run.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -8,7 +8,7 @@ use crate::kernel::Digest;
 
 /// The format of this build.
 pub const FORMAT: &str = "evodrive-bundle/1";
-/// Bytes that a manifest may have.
+/// Most bytes of a manifest.
 pub const MANIFEST_BYTES_MAX: u64 = 1 << 20;
 
 /// Versions of meaning under which a run was made: another build executes it only if it has the same.
@@ -23,7 +23,7 @@ pub struct Version {
     pub eval: u32,
 }
 
-/// What a bundle holds and speaks for.
+/// Content of a bundle and the run that it is of.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
@@ -37,7 +37,7 @@ pub struct Manifest {
     pub experiment: Digest,
     pub pool: Digest,
     pub versions: Version,
-    /// In the order of their names.
+    /// Files, in the order of their names.
     pub files: Vec<Content>,
 }
 
@@ -52,7 +52,7 @@ pub struct Content {
 }
 
 impl Manifest {
-    /// The manifest in these bytes. Names and sizes are checked before anything is written.
+    /// Reads the manifest in these bytes. Names and sizes are checked before anything is written.
     pub fn read(file: &str, bytes: &[u8], bytes_max: u64) -> Result<Manifest, BundleError> {
         #[derive(Deserialize)]
         struct Head {
@@ -86,7 +86,7 @@ impl Manifest {
         }
     }
 
-    /// Its bytes.
+    /// Returns its bytes.
     pub fn text(&self) -> Vec<u8> {
         let mut text = serde_json::to_vec_pretty(self).unwrap_or_default();
         text.push(b'\n');

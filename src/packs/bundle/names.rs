@@ -1,4 +1,4 @@
-//! The names that a bundle may hold: a short list. So no name leads out of the folder that it is unpacked to.
+//! The names that a bundle may hold: a short list, so that no name leads out of the folder that it is unpacked to.
 
 /// The manifest: the first entry.
 pub const MANIFEST: &str = "manifest.json";
@@ -9,7 +9,7 @@ pub const CRATE: &str = "ro-crate-metadata.json";
 /// Recorded rollouts and trials of our own simulator.
 pub const RECORDS: &str = "store/objects.pack";
 
-/// Files of a run that a bundle may hold, with what each is and its media type.
+/// Files of a run that a bundle may hold, with description and media type of each.
 pub const FILES: [(&str, &str, &str); 8] = [
     ("cassette.jsonl", "recorded answers of models", "application/jsonl"),
     ("experiment.toml", "experiment file, with weights of learned egos and programs written out", "application/toml"),

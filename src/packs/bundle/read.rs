@@ -1,4 +1,4 @@
-//! Reading a bundle from its beginning to its end, once: every byte is held against the manifest, and no more of it is in
+//! Reads a bundle from its beginning to its end, once: every byte is checked against the manifest, and no more of it is in
 //! memory than a window of the decompressor and one piece.
 
 use std::collections::BTreeSet;
@@ -23,13 +23,13 @@ const CHECKSUM: u8 = 1 << 2;
 /// A bundle that was read to its end and is whole.
 pub struct Opened {
     pub manifest: Manifest,
-    /// The manifest's bytes, which a signature speaks of.
+    /// The manifest's bytes, which a signature is about.
     pub manifest_bytes: Vec<u8>,
     /// The envelope of a signature, unread.
     pub signature: Option<Vec<u8>>,
 }
 
-/// Reads a bundle of at most `bytes_max` bytes unpacked. With `to`, its files go there, each under its name; who calls
+/// Reads a bundle of at most `bytes_max` bytes unpacked. With `to`, its files go there, each under its name; the caller
 /// removes that folder when this fails.
 pub fn open(path: &Path, bytes_max: u64, to: Option<&Path>) -> Result<Opened, BundleError> {
     let reading = Reading { file: path.display().to_string(), bytes_max };
@@ -68,7 +68,7 @@ pub fn open(path: &Path, bytes_max: u64, to: Option<&Path>) -> Result<Opened, Bu
     Ok(Opened { manifest, manifest_bytes, signature })
 }
 
-/// The one frame of a bundle, and how many bytes it may still give.
+/// The one frame of a bundle, and the number of bytes that it may still give.
 struct Frame<R: Read> {
     decoder: zstd::stream::read::Decoder<'static, BufReader<R>>,
     left: u64,
@@ -90,7 +90,7 @@ impl<R: Read> Read for Frame<R> {
     }
 }
 
-/// What every step of the reading needs.
+/// Data that every step of the reading needs.
 struct Reading {
     file: String,
     bytes_max: u64,
@@ -109,7 +109,7 @@ impl Reading {
         self.refused(format!("expected a bundle (a tar archive under zstd), found something else: {error}"))
     }
 
-    /// The archive inside the frame that a bundle is: one with a checksum, so that no byte of it can change unseen.
+    /// Opens the one frame of a bundle: it must have a checksum, so that no byte of it can change unseen.
     fn frame(&self, path: &Path, most: u64) -> Result<Frame<impl Read + use<>>, BundleError> {
         let mut packed = BufReader::new(store::reader(path)?);
         let head = packed.fill_buf().map_err(|error| self.no_bundle(&error))?;
@@ -127,13 +127,13 @@ impl Reading {
         self.damaged(format!("expected a whole archive, found: {error}"))
     }
 
-    /// The name of an entry. One that may not be there is refused before anything else is looked at.
+    /// Returns the name of an entry. A name that may not be there is refused before anything else is read.
     fn name(&self, found: &tar::Entry<'_, impl Read>) -> Result<String, BundleError> {
         let name = String::from_utf8_lossy(&found.header().path_bytes()).into_owned();
         names::refused(&name).map_or(Ok(name), |problem| Err(self.refused(problem)))
     }
 
-    /// The size of an entry, which has the one header that a file of its name and size may have.
+    /// Returns the size of an entry, which must have the one header of a file of its name and size.
     fn size(&self, found: &tar::Entry<'_, impl Read>, name: &str) -> Result<u64, BundleError> {
         let size = found.header().size().map_err(|error| self.broken(&error))?;
         let due = header(name, size).map_err(|error| self.broken(&error))?;
@@ -160,7 +160,7 @@ impl Reading {
         if bytes.len() as u64 == size { Ok(bytes) } else { Err(self.damaged(format!("{due} is cut off"))) }
     }
 
-    /// Takes one file, and holds it against the manifest.
+    /// Reads one file, and checks it against the manifest.
     fn content(
         &self,
         found: &mut tar::Entry<'_, impl Read>,
@@ -194,7 +194,7 @@ impl Reading {
         )))
     }
 
-    /// Bytes of an entry go where they are wanted, and are hashed on the way.
+    /// Writes the bytes of an entry to `to`, and hashes them on the way.
     fn pour(&self, from: &mut impl Read, to: &mut dyn std::io::Write) -> Result<(Digest, u64), BundleError> {
         let mut hashing = Hashing::default();
         let mut chunk = vec![0; CHUNK];
@@ -211,7 +211,7 @@ impl Reading {
         }
     }
 
-    /// Nothing may follow the archive's end, and nothing the frame's: a second frame, or one that readers skip, could hold anything.
+    /// Checks that nothing follows the archive's end, or the frame's: a second frame, or one that readers skip, could hold anything.
     fn end<R: Read>(&self, mut rest: Frame<R>) -> Result<(), BundleError> {
         let mut chunk = vec![0; CHUNK];
         let mut bytes = 0;

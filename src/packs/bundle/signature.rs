@@ -16,7 +16,7 @@ const PAYLOAD_TYPE: &str = "application/vnd.in-toto+json";
 const STATEMENT: &str = "https://in-toto.io/Statement/v1";
 const PREDICATE: &str = "urn:evodrive:run/1";
 
-/// Who signs.
+/// Private key that signs.
 pub struct Signer(SigningKey);
 
 impl Signer {
@@ -49,7 +49,7 @@ fn unusable(file: &str, expected: &str) -> BundleError {
     BundleError::Signature { file: file.into(), problem: format!("expected {expected}"), key: true }
 }
 
-/// What is signed: the manifest, which has the digest of every file, and the root.
+/// Returns the statement to sign: the manifest, which has the digest of every file, and the root.
 fn statement(manifest: &Manifest, manifest_bytes: &[u8]) -> Value {
     json!({
         "_type": STATEMENT,
@@ -60,7 +60,7 @@ fn statement(manifest: &Manifest, manifest_bytes: &[u8]) -> Value {
     })
 }
 
-/// How DSSE joins type and payload before they are signed.
+/// Joins type and payload as DSSE does before they are signed.
 fn encoded(payload: &[u8]) -> Vec<u8> {
     let head = format!("DSSEv1 {} {PAYLOAD_TYPE} {} ", PAYLOAD_TYPE.len(), payload.len());
     [head.as_bytes(), payload].concat()
@@ -98,7 +98,7 @@ struct Signed {
     sig: String,
 }
 
-/// Whether an envelope bears a signature of this key over this manifest.
+/// Checks that an envelope bears a signature of this key over this manifest.
 ///
 /// # Errors
 /// A file that is not a key; an envelope that cannot be read, is about another manifest, or is not signed by this key.

@@ -1,4 +1,4 @@
-//! Writing a bundle: fixed order, fixed times, fixed owners, so that equal contents are equal bytes.
+//! Writes a bundle: fixed order, fixed times, fixed owners, so that equal contents are equal bytes.
 
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -12,11 +12,11 @@ use crate::store::{self, Store, StoreError};
 
 /// Higher levels save little and take minutes on a large study.
 const LEVEL: i32 = 12;
-/// The unit in which an archive is filled up.
+/// Size to whose multiples an archive is padded.
 pub const BLOCK: u64 = 512;
 const CHUNK: usize = 1 << 16;
 
-/// Where the bytes of a file come from. None of them has to be in memory.
+/// Source of the bytes of a file. None of them has to be in memory.
 pub enum Source<'a> {
     /// A file of the run folder.
     File(PathBuf),
@@ -33,7 +33,7 @@ pub struct Part<'a> {
     pub source: Source<'a>,
 }
 
-/// What a bundle says of its run.
+/// Facts of the run that go into a bundle.
 pub struct About {
     pub name: String,
     pub root: Digest,

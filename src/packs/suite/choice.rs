@@ -1,4 +1,4 @@
-//! Which of the scenes that could be frozen are: so many of each family, spread over kinds of place and classes of contact. The same
+//! Chooses the scenes to freeze: a number of each family, spread over kinds of place and classes of contact. The same
 //! candidates give the same choice, in whatever order they come.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -15,18 +15,18 @@ pub struct Candidate {
     pub scene: String,
     pub cluster: String,
     pub class: String,
-    /// What the program is, so that programs of a family take turns.
+    /// Digest of the program, so that programs of a family take turns.
     pub program: Digest,
     /// Digest of the scene: its draw.
     pub digest: Digest,
 }
 
-/// How much of a thing was taken so far.
+/// Number of times that each thing was taken so far.
 type Taken<K> = BTreeMap<K, usize>;
 
-/// Places of the candidates that are chosen, in the order of family and choice: of each family at most `count`. A scene is taken once
-/// a family. First comes the kind of place and contact that the family has least of, then the scene and the program that were taken least, then
-/// a draw by the scene's digest.
+/// Returns the places of the chosen candidates, in the order of family and choice: at most `count` of each family. A scene is taken once
+/// per family. First comes the kind of place and contact that the family has least of, then the scene and the program that were taken least,
+/// then a draw by the scene's digest.
 pub fn chosen(candidates: &[Candidate], count: impl Fn(&str) -> usize) -> Vec<usize> {
     let families: BTreeSet<&str> = candidates.iter().map(|candidate| candidate.family.as_str()).collect();
     let (mut scenes, mut places) = (Taken::<&str>::new(), Vec::new());
@@ -88,7 +88,7 @@ mod tests {
             let own: Vec<&Candidate> = places.iter().map(|&i| &all[i]).filter(|of| of.family == family).collect();
             assert_eq!(own.len(), 20, "{family}");
             let with = |holds: &dyn Fn(&Candidate) -> bool| own.iter().filter(|of| holds(of)).count();
-            // One scene of a highway has a contact; 6 have none, 9 of a junction have one: who takes blindly has 2, 2 and 3.
+            // One scene of a highway has a contact and 6 have none; 9 of a junction have one. A blind choice has 2, 2 and 3.
             assert_eq!(with(&|of| of.cluster == "highway" && of.class == "cut_in"), 1, "{family}");
             assert!(with(&|of| of.class == "cut_in") >= 8 && with(&|of| of.cluster == "highway") >= 6, "{own:?}");
             let scenes: BTreeSet<&str> = own.iter().map(|of| of.scene.as_str()).collect();

@@ -1,4 +1,4 @@
-//! Two drivers in the same scenes, paired: who crashed where, and whether the difference can be chance.
+//! Two drivers in the same scenes, paired: their crashes, and the chance of the difference.
 
 use std::collections::BTreeSet;
 
@@ -13,9 +13,9 @@ use crate::statistics::Estimate;
 /// Two results side by side.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Compared {
-    /// Over all shared scenes first, then by family.
+    /// A row over all shared scenes first, then one per family.
     pub rows: Vec<ComparedRow>,
-    /// Scenes in which one crashed and the other did not, or one left its route: those that the second lost first.
+    /// Scenes in which one crashed or left its route and the other did not, those that the second lost first.
     pub discordant: Vec<Discordant>,
     /// Scenes that one of both has not driven, and why.
     pub not_compared: Vec<(String, String)>,
@@ -32,7 +32,7 @@ pub struct ComparedRow {
     /// Contacts that the driver caused or could have avoided.
     pub first_preventable: usize,
     pub second_preventable: usize,
-    /// Contacts for which each is at fault by nuPlan's rule; none where its result does not say.
+    /// Contacts for which each is at fault by nuPlan's rule; `None` where its result does not say.
     pub at_fault: [Option<usize>; 2],
     /// Scenes in which the first alone crashed, and in which the second alone did.
     pub first_alone: usize,
@@ -41,7 +41,7 @@ pub struct ComparedRow {
     pub chance: f64,
     pub crash_difference: Option<Estimate>,
     pub completion_difference: Option<Estimate>,
-    /// Scenes that a difference as large as this one needs to show itself four times of five; none where there is no difference.
+    /// Scenes that show a difference as large as this one with 80 % power; `None` where there is no difference.
     pub needed: Option<usize>,
 }
 
@@ -49,7 +49,7 @@ pub struct ComparedRow {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Discordant {
     pub case: String,
-    /// Whether it is the second driver who failed.
+    /// True if it is the second driver that failed.
     pub lost: bool,
     pub first: String,
     pub second: String,
@@ -121,11 +121,11 @@ fn row(first: &SuiteResult, name: &str, pairs: &[(&Played, &Played)]) -> Compare
     }
 }
 
-/// The two-sided exact chance that of `b + c` discordant pairs so few or fewer fall on the rarer side, if both sides are equally
+/// Returns the two-sided exact chance that of `b + c` discordant pairs this few or fewer fall on the rarer side, if both sides are equally
 /// likely (McNemar 1947; the binomial in place of its approximation).
 pub fn exact_mcnemar(b: usize, c: usize) -> f64 {
     let (n, least) = (b + c, b.min(c));
-    // Of n tosses k heads: each from the one before, as a logarithm, since 2 to the -n is 0 for a float soon.
+    // k heads of n tosses: each term from the one before, as a logarithm, since 2 to the -n soon becomes 0 as a float.
     let mut ln_term = -(n as f64) * num::ln(2.0);
     let mut tail = num::exp(ln_term);
     for k in 1..=least {

@@ -1,4 +1,4 @@
-//! What a suite holds: scenes, what others do in each, what the driver did against whom that was planned, and where it comes from.
+//! Content of a suite: scenes, actions of others in each, the outcome of the driver that was planned around, and the sources.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,25 +13,25 @@ use crate::sim::{ContactClass, Intervention, Outcome, SimulatorOptions};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Suite {
-    /// As reports call it.
+    /// Name in reports.
     pub name: String,
-    /// Around whose drive the programs planned, and of whom the labels are.
+    /// Driver that the programs planned around, to which the labels belong.
     pub planned_around: DriverMark,
-    /// Where the programs planned around several drivers, scene by scene in turn, who these are; empty with one.
+    /// Drivers that the programs planned around, scene by scene in turn, where there are several; empty with one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub around: Vec<DriverMark>,
     /// Version of the simulator's meaning that the labels were made under.
     pub simulator: u32,
-    /// For a planner's random numbers.
+    /// Seed for a planner's random numbers.
     pub seed: u64,
     /// Rules under which scenes are simulated; a case names one of them.
     pub rules: Vec<SimulatorOptions>,
     /// The programs that moved others.
     pub programs: Vec<Member>,
     pub sizes: Sizes,
-    /// What holds where nothing else is asked for.
+    /// Thresholds that hold where no others are asked for.
     pub thresholds: Thresholds,
-    /// Under which terms the scenes may be passed on.
+    /// Terms under which the scenes may be passed on.
     pub licences: Vec<Licence>,
     pub cases: Vec<Case>,
     /// The scenes of all cases.
@@ -49,11 +49,11 @@ pub struct Member {
     pub program: Digest,
     /// Root of its random streams.
     pub seed: u64,
-    /// The runs that it came out of, with who proposed; empty for a family's own parent.
+    /// Runs that it came from, with its proposers; empty for a family's own parent.
     pub origins: Vec<Origin>,
 }
 
-/// How much was asked for.
+/// Sizes and filters that were asked for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sizes {
@@ -61,17 +61,17 @@ pub struct Sizes {
     pub per_family: usize,
     /// Share of scenes in which nobody is moved.
     pub plain_share: f64,
-    /// Whether only contacts were taken that a careful ego avoids.
+    /// True if only contacts were taken that a careful ego avoids.
     pub preventable_only: bool,
-    /// Least realism of what a program does, 0 to 1; none where any was taken.
+    /// Least realism of the program's motion, 0 to 1; `None` where any was taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_realism: Option<f64>,
-    /// The classes of contact of which one was taken; empty where all were.
+    /// Classes of contact that were taken; empty where all were.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub classes: Vec<ContactClass>,
 }
 
-/// Where scenes come from, and under which terms they may be passed on.
+/// Source of scenes, and terms under which they may be passed on.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Licence {
@@ -81,7 +81,7 @@ pub struct Licence {
     pub terms: String,
 }
 
-/// One scene with what others do in it.
+/// One scene with the actions of others in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Case {
@@ -91,23 +91,23 @@ pub struct Case {
     pub scene: String,
     /// Family of the program, or `plain`.
     pub family: String,
-    /// Place in [`Suite::programs`]; none where nobody is moved.
+    /// Place in [`Suite::programs`]; `None` where nobody is moved.
     pub program: Option<usize>,
     /// Place in [`Suite::rules`].
     pub rules: usize,
     /// The kind of place.
     pub cluster: String,
-    /// What others do: it travels whole, so that who reacts to the ego reacts to the planner under test.
+    /// Actions of others. They are stored whole, so that a road user that reacts to the ego reacts to the planner under test.
     pub intervention: Intervention,
-    /// What came of the driver that was planned around.
+    /// Outcome of the driver that was planned around.
     pub label: Outcome,
-    /// Which of several that is, a place in [`Suite::around`].
+    /// Place of that driver in [`Suite::around`], where there are several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub around: Option<usize>,
 }
 
 impl Member {
-    /// Whether it is its family's own parent.
+    /// Returns `true` if it is its family's own parent.
     pub fn is_parent(&self) -> bool {
         self.origins.is_empty()
     }
@@ -126,17 +126,17 @@ pub fn class_of(outcome: &Outcome) -> &'static str {
 }
 
 impl Suite {
-    /// The program of a case; none where nobody is moved.
+    /// Returns the program of a case; `None` where nobody is moved.
     pub fn program(&self, case: &Case) -> Option<&Member> {
         self.programs.get(case.program?)
     }
 
-    /// Around whom a case was planned.
+    /// Returns the driver that a case was planned around.
     pub fn planned_around(&self, case: &Case) -> &DriverMark {
         case.around.and_then(|place| self.around.get(place)).unwrap_or(&self.planned_around)
     }
 
-    /// The first thing that does not fit together, as its place and what was expected.
+    /// Returns the first contradiction in the suite, as its place and what was expected.
     pub fn fault(&self) -> Option<(String, String)> {
         let mut ids = std::collections::BTreeSet::new();
         let of_case = |case: &Case| -> Option<(&'static str, String)> {

@@ -1,5 +1,5 @@
-//! The failures of a result, worst first, and how many are of one kind. A preventable contact is worse than another one, that worse than a way
-//! off the route, and no drive comes last; of equal ones the faster contact is worse.
+//! The failures of a result, worst first, and their number by kind. A preventable contact is worse than any other contact, that is worse
+//! than a way off the route, and no drive comes last; of equal ones the faster contact is worse.
 
 use std::collections::BTreeMap;
 
@@ -10,24 +10,24 @@ use crate::kernel::num;
 use crate::sim::Timeline;
 use crate::sim::timeline_text::{manner, response};
 
-/// How a list of failures is ordered, for readers.
+/// Order of a list of failures, for readers.
 pub const SEVERITY: &str = "worst first: preventable contacts, other contacts, ways off the route, no drive; of equal ones by relative speed at the contact";
 
 /// Failures of one kind.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Group {
-    /// In words, without what differs from one to the next.
+    /// Kind in words, without what differs between its failures.
     pub kind: String,
     pub preventable: bool,
-    /// How long before the contact the threat was seen, s: the median of those that saw it.
+    /// Median time for which the threat was seen before the contact, s, over the drives that saw it.
     pub seen_s: Option<f64>,
     /// Largest relative speed of their contacts, m/s.
     pub speed_mps_max: Option<f64>,
-    /// Worst first.
+    /// Cases, worst first.
     pub cases: Vec<String>,
 }
 
-/// How bad a failure is: the smaller, the worse; `None` of what is none.
+/// Returns the rank of a failure: the smaller, the worse; `None` for a scene that is no failure.
 pub(super) fn rank(played: &Played) -> Option<(u8, f64)> {
     match &played.came {
         CaseOutcome::Driven(_) if played.passed() => None,
@@ -41,7 +41,7 @@ pub(super) fn rank(played: &Played) -> Option<(u8, f64)> {
     }
 }
 
-/// What failed, worst first; of equal ones in the order of the suite.
+/// Returns the failures, worst first; equal ones in the order of the suite.
 pub fn worst_first(result: &SuiteResult) -> Vec<&Played> {
     let mut failed: Vec<((u8, f64), &Played)> =
         result.cases.iter().filter_map(|played| Some((rank(played)?, played))).collect();
@@ -49,7 +49,7 @@ pub fn worst_first(result: &SuiteResult) -> Vec<&Played> {
     failed.into_iter().map(|(_, played)| played).collect()
 }
 
-/// What a failure has in common with others of its kind; `None` of what is none.
+/// Returns the description that a failure shares with others of its kind; `None` for a scene that is no failure.
 pub fn kind_of(played: &Played) -> Option<String> {
     rank(played)?;
     Some(match &played.came {
@@ -58,7 +58,7 @@ pub fn kind_of(played: &Played) -> Option<String> {
         CaseOutcome::Driven(drive) => match (drive.contact, &played.timeline) {
             (None, _) => "left its route".to_string(),
             (Some(met), None) => manner(met.class, None),
-            // How the driver responds says something of it where it could have prevented the contact, and little of a ram.
+            // The driver's response matters where it could have prevented the contact, and little for a ram.
             (Some(met), Some(of)) if drive.is_preventable() => {
                 format!("{}, {}, {}", manner(met.class, Some(of)), seen(of), response(of))
             }
@@ -95,7 +95,7 @@ pub fn groups(result: &SuiteResult) -> Vec<Group> {
 }
 
 impl Group {
-    /// The kind with how long before the contact the threat was seen.
+    /// Returns the kind with the time for which the threat was seen before the contact.
     pub fn in_words(&self) -> String {
         match self.seen_s {
             Some(seen_s) => self.kind.replacen(", seen", &format!(", seen {} s", num::fixed(seen_s, 1)), 1),
@@ -104,7 +104,7 @@ impl Group {
     }
 }
 
-/// What failed most, in a line; empty where nothing failed.
+/// Returns the most frequent failure in a line; empty where nothing failed.
 pub fn headline(groups: &[Group]) -> String {
     let of = |preventable: bool| {
         let own: Vec<&Group> = groups.iter().filter(|group| group.preventable == preventable).collect();
@@ -137,7 +137,7 @@ mod tests {
         }
     }
 
-    /// Ends with a speed and a time line each.
+    /// Returns a result whose failures each have a speed and a time line.
     fn failed() -> SuiteResult {
         let mut result = result("a", &[FAULT, CRASHED, CAUSED, OFF_ROAD, ARRIVED, CAUSED, CAUSED, UNPLAYABLE, CAUSED]);
         let timelines = [

@@ -1,4 +1,4 @@
-//! What a planner may do in place of driving. None of it is a pass, and none of it a crash on the road.
+//! Faults of a planner in place of a drive. None is a pass, and none is a crash on the road.
 
 use serde::{Deserialize, Serialize};
 
@@ -23,7 +23,7 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
-    /// In tables.
+    /// Returns the name in tables.
     pub fn name(self) -> &'static str {
         match self {
             FaultKind::NotStarted => "not started",
@@ -35,7 +35,7 @@ impl FaultKind {
         }
     }
 
-    /// The kind that a scene without an outcome shows; none where the planner is not to blame.
+    /// Returns the kind that a scene without an outcome shows; `None` where the planner is not to blame.
     pub fn of(why: &Undriven) -> Option<FaultKind> {
         match why {
             Undriven::TooSlow(_) => Some(FaultKind::TooSlow),

@@ -1,6 +1,6 @@
 //! The bytes of a suite (docs/FORMAT.md): `EVODSUIT`, version (u32), length of the head (u64), the head as JSON ([`Suite`]), a pool
 //! file with the scenes, and the BLAKE3 digest of everything before it, which is the suite's name. Little-endian. On disk these bytes
-//! are compressed with zstd; the digest is of what they were before.
+//! are compressed with zstd; the digest is of the uncompressed bytes.
 
 use super::content::Suite;
 use crate::kernel::Digest;

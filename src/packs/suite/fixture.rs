@@ -7,7 +7,7 @@ use crate::scene::Pool;
 use crate::scene::fixture::two_lane_scene;
 use crate::sim::{self, ContactClass, End, Fault, Intervention, SimulatorOptions};
 
-/// Ends of scenes: what came of each.
+/// Ends of scenes.
 pub const ARRIVED: usize = 0;
 pub const CRASHED: usize = 1;
 pub const CAUSED: usize = 2;

@@ -1,5 +1,5 @@
-//! Hardening a driver: whether other constants are better, judged on cases that their search did not see, and what rounds of searches on
-//! both sides came to.
+//! Hardening a driver: whether other constants are better, judged on cases that their search did not see, and the results of rounds of
+//! searches on both sides.
 
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
@@ -9,16 +9,16 @@ use crate::kernel::game::Equilibrium;
 use crate::kernel::{Digest, num};
 use crate::statistics::{Estimate, PerScene, Search, estimates};
 
-/// Chance of so uneven a division of the cases, if both crash equally often, below which a difference is shown.
+/// A difference is shown where so uneven a division of the cases has less than this chance, if both crash equally often.
 pub const LEVEL: f64 = 0.05;
 /// Share of the route that may be lost on plain scenes: the 95 % interval of the change lies above minus this.
 pub const LOSS_MAX: f64 = 0.02;
 
-/// How a driver came through some cases, in their order.
+/// Drives of a driver in some cases, in their order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Drives {
-    /// Whether it met anyone.
+    /// True for each case in which it met anyone.
     pub crashed: Vec<bool>,
     /// Share of the route, 0 to 1.
     pub completion: Vec<f64>,
@@ -29,18 +29,18 @@ impl Drives {
         self.crashed.iter().filter(|crashed| **crashed).count()
     }
 
-    /// Mean share of the route; 0 of none.
+    /// Returns the mean share of the route; 0 without cases.
     pub fn mean_completion(&self) -> f64 {
         num::mean(&self.completion).unwrap_or(0.0)
     }
 
-    /// Cases in which this one alone crashes.
+    /// Returns the number of cases in which this one alone crashes.
     fn alone(&self, other: &Drives) -> usize {
         self.crashed.iter().zip(&other.crashed).filter(|(own, other)| **own && !**other).count()
     }
 }
 
-/// Whether a challenger takes the champion's place, and on what that rests.
+/// Decision on whether a challenger takes the champion's place, and its basis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
     /// Attacked cases, and crashes of champion and challenger in them.
@@ -53,15 +53,15 @@ pub struct Verdict {
     /// Plain scenes, and crashes of both in them.
     pub plain: usize,
     pub plain_crashes: [usize; 2],
-    /// Challenger less champion, share of the route on plain scenes.
+    /// Challenger less champion, in share of the route on plain scenes.
     pub completion_change: Option<Estimate>,
     pub accepted: bool,
-    /// In words.
+    /// Reason in words.
     pub reason: String,
 }
 
-/// Judges a challenger by attacked cases and plain scenes, champion first. It is accepted if it crashes less in the attacked cases, the
-/// division of which is no chance, crashes in no more plain scenes, and loses at most `LOSS_MAX` of the route there: a driver that stands
+/// Judges a challenger by attacked cases and plain scenes, champion first. It is accepted if it crashes less in the attacked cases by
+/// more than chance, crashes in no more plain scenes, and loses at most `LOSS_MAX` of the route there: a driver that stands
 /// still crashes seldom.
 pub fn verdict([champion, champion_plain]: [&Drives; 2], [challenger, challenger_plain]: [&Drives; 2]) -> Verdict {
     let alone = [champion.alone(challenger), challenger.alone(champion)];
@@ -101,7 +101,7 @@ pub fn verdict([champion, champion_plain]: [&Drives; 2], [challenger, challenger
     }
 }
 
-/// What one round's search of constants came to.
+/// Result of one round's search of constants.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct HardeningRound {
     pub round: usize,
@@ -110,11 +110,11 @@ pub struct HardeningRound {
     pub searched: [usize; 2],
     pub searched_cases: usize,
     pub verdict: Verdict,
-    /// Name, champion's and challenger's value of each constant that moved.
+    /// Each constant that changed: its name, the champion's and the challenger's value.
     pub moved: Vec<(String, f64, f64)>,
 }
 
-/// Everything that a hardening came to.
+/// Result of a whole hardening.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Hardening {
     pub suite: String,
@@ -132,7 +132,7 @@ pub struct Hardening {
 }
 
 impl Hardening {
-    /// As Markdown.
+    /// Returns the result as Markdown.
     pub fn text(&self) -> String {
         let mut out = format!(
             "# PDM-Closed hardened against {}\n\nSuite `{}`; generators of {}. Of cases and scenes a third is searched on, a third decides, a third \

@@ -1,8 +1,8 @@
-//! A result as a JUnit file, which CI servers show: a test suite a family, a test case a scene, and one a rule. It keeps to the two schemas
-//! that are in use: Apache Ant's (windyroad `JUnit.xsd`) and that of Jenkins' xUnit plugin (`junit-10.xsd`).
+//! A result as a JUnit file, which CI servers show: a test suite per family, a test case per scene, and one per rule. It keeps to the two
+//! schemas that are in use: Apache Ant's (windyroad `JUnit.xsd`) and that of Jenkins' xUnit plugin (`junit-10.xsd`).
 //!
-//! A contact or a way off the route is a failure, a planner without an answer an error, a scene that cannot be played is skipped. A
-//! time is that of the drive, in seconds of the scene, and the time stamp is fixed: the same result is the same file.
+//! A contact or a way off the route is a failure, a planner without an answer an error, a scene that cannot be played is skipped. The
+//! time is that of the drive, in seconds of the scene, and the time stamp is fixed: the same result gives the same file.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -13,7 +13,7 @@ use super::thresholds::RuleResult;
 use crate::draw::escaped;
 use crate::scene::DT_S;
 
-/// Of who has no clock.
+/// Fixed time stamp of every file.
 const TIMESTAMP: &str = "1970-01-01T00:00:00";
 
 /// One test case.
@@ -21,11 +21,11 @@ struct Case {
     name: String,
     class: String,
     seconds: f64,
-    /// Element, type and message of what is no pass.
+    /// Element, type and message of a case that is no pass.
     fault: Option<(&'static str, String, String)>,
-    /// What led to it, where that is known.
+    /// Events that led to the fault, where they are known.
     why: String,
-    /// How to see it.
+    /// Command that shows the case.
     command: String,
 }
 

@@ -12,7 +12,7 @@ pub struct DriverMark {
     pub digest: Digest,
 }
 
-/// Which suite.
+/// A suite by name and digest.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SuiteMark {
@@ -36,7 +36,7 @@ pub struct Selected {
 }
 
 impl Selected {
-    /// Whether no case is left out.
+    /// Returns `true` if no case is left out.
     pub fn is_all(&self) -> bool {
         *self == Selected::default()
     }

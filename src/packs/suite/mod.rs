@@ -1,5 +1,5 @@
-//! Frozen suites: scenes with what others do in them, the same for every planner that is tested. What a suite holds and how its file
-//! is read, which scenes are chosen, what came of a planner in each, and what that amounts to. Nothing here plays a scene.
+//! Frozen suites: scenes with the actions of others in them, the same for every planner that is tested. The content of a suite and the
+//! reading of its file, the choice of scenes, the outcome of a planner in each, and the totals. Nothing here plays a scene.
 
 mod choice;
 mod comparison;

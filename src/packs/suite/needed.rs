@@ -1,11 +1,11 @@
-//! How many scenes a difference between two drivers needs to show itself.
+//! Number of scenes that are needed to show a difference between two drivers.
 
 /// Normal quantiles of a two-sided test at 5 % and of a power of 80 %.
 const Z_TWO_SIDED: f64 = 1.959_963_984_540_054;
 const Z_POWER: f64 = 0.841_621_233_572_914;
 
-/// Scenes with which McNemar's test at 5 % finds a difference of this size four times of five, if discordant pairs stay as frequent
-/// (Connor 1987). `None` where there is no difference.
+/// Returns the number of scenes with which McNemar's test at 5 % finds a difference of this size four times out of five, if discordant
+/// pairs stay as frequent (Connor 1987). `None` where there is no difference.
 pub fn needed(b: usize, c: usize, pairs: usize) -> Option<usize> {
     if b == c || pairs == 0 {
         return None;

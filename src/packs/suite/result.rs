@@ -1,4 +1,4 @@
-//! What came of a driver in the scenes of a suite.
+//! Results of a driver in the scenes of a suite.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,15 +17,15 @@ pub struct SuiteResult {
     pub driver: DriverMark,
     /// Version of the simulator's meaning.
     pub simulator: u32,
-    /// Which cases were asked for; results of format 1 do not say.
+    /// Cases that were asked for; results of format 1 do not say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub selection: Option<Selected>,
     /// Files with the answers of a planner, beside this one.
     pub recordings: Vec<Recording>,
-    /// Digest of all the rest, as it was written; results of format 1 have none.
+    /// Digest of all the rest, as it was written; `None` in results of format 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seal: Option<Digest>,
-    /// In the order of the suite.
+    /// Cases, in the order of the suite.
     pub cases: Vec<Played>,
 }
 
@@ -42,7 +42,7 @@ pub struct Recording {
     pub digest: Option<Digest>,
 }
 
-/// One scene of the suite, and what came of it.
+/// One scene of the suite, and its outcome.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Played {
@@ -53,15 +53,15 @@ pub struct Played {
     /// Class of the contact of the driver that was planned around.
     pub class: String,
     pub came: CaseOutcome,
-    /// Realism of what others did, 0 to 1, under the shipped MetaDrive protocol; nothing where nobody is moved, and in older results.
+    /// Realism of others' motion, 0 to 1, under the shipped MetaDrive protocol; `None` where nobody is moved, and in older results.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub realism: Option<f64>,
-    /// What led to the contact; nothing where there is none, and in older results.
+    /// Events that led to the contact; `None` where there is none, and in older results.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub timeline: Option<Timeline>,
 }
 
-/// What came of a scene.
+/// Outcome of a scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum CaseOutcome {
@@ -92,23 +92,23 @@ pub struct Drive {
 #[serde(deny_unknown_fields)]
 pub struct Met {
     pub class: ContactClass,
-    /// Whether it is one whom the program moves.
+    /// True if the road user is one that the program moves.
     pub adversary: bool,
-    /// Whether a careful ego would have avoided it; asked of adversaries alone.
+    /// True if a careful ego would have avoided it; assessed for adversaries alone.
     pub avoidable: Option<bool>,
-    /// Who is at fault by nuPlan's rule; results of older releases do not say.
+    /// Party at fault by nuPlan's rule; results of older releases do not say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<Fault>,
-    /// Which drivers would have avoided it; results of older releases do not say.
+    /// Drivers that would have avoided it; results of older releases do not say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub jury: Option<Jury>,
-    /// From the first simulated step, s.
+    /// Time from the first simulated step, s.
     pub time_s: f64,
     pub relative_speed_mps: f64,
 }
 
 impl Drive {
-    /// Of an outcome, and what is known of its contact besides.
+    /// Returns the drive of an outcome, with further knowledge of its contact.
     pub fn of(outcome: &Outcome, fault: Option<Fault>, jury: Option<Jury>) -> Drive {
         let met = |contact: &crate::sim::Contact| Met {
             class: contact.class,
@@ -128,17 +128,17 @@ impl Drive {
         }
     }
 
-    /// Whether a careful driver would have prevented its contact.
+    /// Returns `true` if a careful driver would have prevented its contact.
     pub fn is_preventable(&self) -> bool {
         self.contact.is_some_and(|met| met.class.could_be_prevented(met.avoidable))
     }
 
-    /// Whether it is at fault for its contact by nuPlan's rule; `None` where nobody said.
+    /// Returns `true` if it is at fault for its contact by nuPlan's rule; `None` where the result does not say.
     pub fn is_at_fault(&self) -> Option<bool> {
         self.contact.map_or(Some(false), |met| met.fault.map(Fault::is_egos))
     }
 
-    /// In a few words.
+    /// Returns the drive in a few words.
     pub fn in_words(&self) -> String {
         let completed = format!("{:.0} % of the route", 100.0 * self.completion);
         match (self.end, &self.contact) {
@@ -164,7 +164,7 @@ impl Drive {
 }
 
 impl CaseOutcome {
-    /// Whether it is what was said before; a result of an older release says nothing of faults.
+    /// Returns `true` if it equals what was said before; a result of an older release says nothing of faults.
     pub fn is_as_said(&self, said: &CaseOutcome) -> bool {
         match (self, said) {
             (CaseOutcome::Driven(drive), CaseOutcome::Driven(before)) => {
@@ -188,17 +188,17 @@ impl Played {
         }
     }
 
-    /// A contact, with whomever.
+    /// Returns `true` for a contact with anyone.
     pub fn crashed(&self) -> bool {
         self.drive().is_some_and(|drive| drive.contact.is_some())
     }
 
-    /// Whether it was driven without a contact and without leaving the route. How far it came is not asked.
+    /// Returns `true` if it was driven without a contact and without leaving the route, however far it came.
     pub fn passed(&self) -> bool {
         self.drive().is_some_and(|drive| drive.contact.is_none() && drive.end != End::OffRoad)
     }
 
-    /// What led to the contact, in words.
+    /// Returns the events that led to the contact, in words.
     pub fn why(&self) -> Option<String> {
         self.timeline.as_ref().map(sentences)
     }

@@ -1,5 +1,5 @@
-//! A result as a file: one JSON object, a scene a line, so that two results can be compared by eye too. Its seal is the digest of all the rest
-//! of it: nothing in it was changed since.
+//! A result as a file: one JSON object, one scene per line, so that two results can be compared by eye too. Its seal is the digest of all
+//! the rest of it, which shows that nothing was changed since.
 
 use super::result::{Drive, Played, SuiteResult};
 use crate::kernel::{Digest, canon::CanonError};
@@ -7,7 +7,7 @@ use crate::sim::End;
 
 /// Name and version of the format.
 pub const RESULT_FORMAT: &str = "evodrive-suite-result/2";
-/// The one before: without a seal, a selection and digests of recordings. It is read, and said to be unsealed.
+/// The format before it: without a seal, a selection and digests of recordings. It can be read, and is reported as unsealed.
 const UNSEALED_FORMAT: &str = "evodrive-suite-result/1";
 
 /// Why bytes are no result.
@@ -40,7 +40,7 @@ fn seal_of(result: &SuiteResult) -> Result<Digest, CanonError> {
     Digest::of("evodrive/suite-result/2", &SuiteResult { seal: None, ..result.clone() })
 }
 
-/// Whether a result is as it was written; nothing where it has no seal that could say so.
+/// Returns `true` if a result is as it was written; `None` where it has no seal.
 ///
 /// # Errors
 /// A number in it that has no canonical bytes.
@@ -51,7 +51,7 @@ pub fn is_as_sealed(result: &SuiteResult) -> Result<Option<bool>, CanonError> {
     }
 }
 
-/// A result from its text; `file` is its name in messages. Whether its seal holds is [`is_as_sealed`]'s to say.
+/// Reads a result from its text; `file` is its name in messages. Its seal is not checked here, but by [`is_as_sealed`].
 ///
 /// # Errors
 /// Bytes that are no result, or one of another format or release.

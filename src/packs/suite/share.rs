@@ -2,10 +2,10 @@
 
 use serde::Serialize;
 
-/// Of a standard normal variable: what 95 % lie within.
+/// A standard normal variable lies within plus or minus this with a chance of 95 %.
 const Z95: f64 = 1.959_963_984_540_054;
 
-/// How many of how many, with a 95 % interval (Wilson 1927), which holds near 0 and 1 and for few scenes too.
+/// A count out of a total, with a 95 % interval (Wilson 1927), which holds near 0 and 1 and for few scenes too.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Share {
     pub count: usize,
@@ -15,7 +15,7 @@ pub struct Share {
 }
 
 impl Share {
-    /// None of nothing.
+    /// Returns the share; `None` for a total of 0.
     pub fn of(count: usize, of: usize) -> Option<Share> {
         if of == 0 {
             return None;

@@ -7,13 +7,13 @@ use serde::Serialize;
 use super::failures::rank;
 use super::result::{Played, SuiteResult};
 
-/// What became of a scene from the first result to the last.
+/// Change of a scene's outcome from the first result to the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Change {
     /// The first passed, the last does not.
     Lost,
-    /// First and last end alike, and one between does not.
+    /// First and last end alike, and one between them does not.
     Between,
     /// The first did not pass, the last does.
     Won,
@@ -26,11 +26,11 @@ pub enum Change {
 }
 
 impl Change {
-    /// In the order of a page.
+    /// All changes, in the order of a page.
     pub const ALL: [Change; 6] =
         [Change::Lost, Change::Between, Change::Won, Change::FailedByAll, Change::PassedByAll, Change::NotCompared];
 
-    /// As a heading.
+    /// Returns the change as a heading.
     pub fn in_words(self) -> &'static str {
         match self {
             Change::Lost => "lost: the first passes, the last fails",
@@ -48,12 +48,12 @@ impl Change {
 pub struct SideBySide<'r> {
     pub case: &'r str,
     pub change: Change,
-    /// One a result; nothing where it has none of this scene.
+    /// One entry per result; `None` where it does not have this scene.
     pub played: Vec<Option<&'r Played>>,
 }
 
-/// Every scene of any of the results: by what became of it, within that the worst failure first, of the last result that fails, and of equal
-/// ones in the order of the suite.
+/// Returns every scene of any of the results: by its change, within that the worst failure of the last result that fails first, and
+/// equal ones in the order of the suite.
 pub fn side_by_side<'r>(results: &[&'r SuiteResult]) -> Vec<SideBySide<'r>> {
     let (mut seen, all) = (BTreeSet::new(), results.iter().flat_map(|result| &result.cases));
     let cases: Vec<&'r str> = all.map(|played| played.case.as_str()).filter(|case| seen.insert(*case)).collect();

@@ -1,4 +1,4 @@
-//! What a driver has to keep to in a suite, and the scenes in which it did not.
+//! Limits that a driver has to keep in a suite, and the scenes in which it did not.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,23 +6,23 @@ use super::result::{CaseOutcome, Played, SuiteResult};
 use crate::kernel::num;
 use crate::sim::End;
 
-/// Limits of a suite. What is absent is not asked for.
+/// Limits of a suite. An absent one is not checked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Thresholds {
-    /// Share of driven scenes with a contact, at most.
+    /// Largest share of driven scenes with a contact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_crash_rate: Option<f64>,
-    /// Share of driven scenes with a contact that the ego caused or could have avoided, at most.
+    /// Largest share of driven scenes with a contact that the ego caused or could have avoided.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_preventable: Option<f64>,
-    /// Mean share of the route that is driven, at least: who stands still crashes seldom.
+    /// Least mean share of the route that is driven: a driver that stands still crashes seldom.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_completion: Option<f64>,
-    /// Share of driven scenes in which the driver leaves the road, at most: who leaves it early crashes seldom, too.
+    /// Largest share of driven scenes in which the driver leaves the road: one that leaves it early crashes seldom, too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_off_road: Option<f64>,
-    /// Share of playable scenes that are driven to the end of the route without a contact, at least.
+    /// Least share of playable scenes that are driven to the end of the route without a contact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_arrived: Option<f64>,
 }
@@ -45,7 +45,7 @@ impl Thresholds {
             .find_map(|(name, limit)| Some((name, limit?)).filter(|(_, x)| !(0.0..=1.0).contains(x)))
     }
 
-    /// These, and where one is absent that of the others.
+    /// Returns these limits, and where one is absent that of the others.
     pub fn or(&self, others: &Thresholds) -> Thresholds {
         Thresholds {
             max_crash_rate: self.max_crash_rate.or(others.max_crash_rate),
@@ -61,7 +61,7 @@ impl Thresholds {
     }
 }
 
-/// A rule and what came of it.
+/// A rule and its result.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RuleResult {
     pub rule: &'static str,
@@ -87,7 +87,7 @@ pub enum ThresholdError {
     NothingShared { selected: usize },
 }
 
-/// Judges what a driver did. That every scene is answered is asked for always: a planner that gives no drive passes nowhere.
+/// Judges a driver's result. Every scene must have an answer in any case: a planner that gives no drive passes nowhere.
 ///
 /// # Errors
 /// A threshold without a scene that can be played; a baseline of another suite, or of other scenes.
@@ -178,7 +178,7 @@ fn arrived(result: &SuiteResult, limit: f64) -> RuleResult {
     }
 }
 
-/// A scene that is not passed now, and that the baseline does not say to have failed.
+/// Returns the scenes that fail now and are not failures in the baseline.
 fn new_failures(result: &SuiteResult, baseline: &SuiteResult) -> Result<RuleResult, ThresholdError> {
     if result.suite.digest != baseline.suite.digest {
         let mark = |of: &SuiteResult| format!("{} {}", of.suite.name, of.suite.digest.short(12));
@@ -263,7 +263,7 @@ mod tests {
             assert_eq!(empty, Err(ThresholdError::Empty { selected: ends.len() }));
             assert!(check_thresholds(&result("a", ends), &Thresholds::default(), None).unwrap().is_empty());
         }
-        // What cannot be played is no pass and no failure of the others.
+        // A scene that cannot be played is no pass and no failure of the others.
         assert!(broken(&[UNPLAYABLE, ARRIVED], ALL).is_empty());
         assert_eq!(Thresholds { max_crash_rate: Some(f64::NAN), ..ALL }.fault().unwrap().0, "max_crash_rate");
         assert_eq!(ALL.or(&Thresholds::default()), ALL);

@@ -1,4 +1,4 @@
-//! What a result amounts to: over all scenes, and by family, kind of place and class of the frozen contact.
+//! Totals of a result: over all scenes, and by family, kind of place and class of the frozen contact.
 
 use std::collections::BTreeSet;
 
@@ -25,7 +25,7 @@ pub struct Total {
     pub crashes: Option<Share>,
     /// Contacts that the ego caused or could have avoided.
     pub preventable: Option<Share>,
-    /// Contacts for which the ego is at fault by nuPlan's rule; none where some result does not say.
+    /// Contacts for which the ego is at fault by nuPlan's rule; `None` where some result does not say.
     pub at_fault: Option<Share>,
     /// Mean share of the route that was driven.
     pub completion: Option<Estimate>,
@@ -34,21 +34,21 @@ pub struct Total {
 }
 
 impl Total {
-    /// Whether this driver can play any of its scenes.
+    /// Returns `true` if this driver can play any of its scenes.
     pub fn can_be_played(&self) -> bool {
         self.scenes == 0 || self.unplayable < self.scenes
     }
 
-    /// Of the scenes that could be played: a planner without an answer has not arrived.
+    /// Returns the share of playable scenes in which it arrived: a planner without an answer has not arrived.
     pub fn arrived_of_playable(&self) -> Option<Share> {
         Share::of(self.arrived.map_or(0, |share| share.count), self.driven + self.faults)
     }
 }
 
-/// How a row's scenes are named.
+/// Function that names the group of a scene.
 type Names = fn(&Played) -> &str;
 
-/// What the rows are by.
+/// Groupings of the rows.
 const BY: [(&str, Names); 3] =
     [("family", |played| &played.family), ("cluster", |played| &played.cluster), ("class", |played| &played.class)];
 
@@ -90,8 +90,8 @@ fn total(result: &SuiteResult, (by, name): (&'static str, &str), of: &[&Played])
     }
 }
 
-/// A mean over scenes with the bootstrap of the paper's tables. Its draws are named by the suite and the row, so that two drivers on
-/// the same scenes have the same.
+/// Returns a mean over scenes with the bootstrap of the paper's tables. Its draws are named by the suite and the row, so that two
+/// drivers on the same scenes have the same draws.
 pub(super) fn mean(result: &SuiteResult, (by, name): (&str, &str), values: Vec<Option<f64>>) -> Option<Estimate> {
     let suite = Digest::of_bytes(format!("{} {by} {name}", result.suite.digest).as_bytes());
     let quantity = vec![Search { id: suite, seeds: vec![PerScene { suite, values }] }];

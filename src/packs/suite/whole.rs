@@ -1,4 +1,4 @@
-//! Whether a result holds what its suite has: every case that was asked for, once, as the suite has it.
+//! Checks that a result holds what its suite has: every case that was asked for, once, as the suite has it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,10 +6,10 @@ use super::content::{Case, Suite};
 use super::mark::Selected;
 use super::result::SuiteResult;
 
-/// Cases that a list names before it counts.
+/// Most cases that a list names; the others are counted.
 const NAMED_MAX: usize = 8;
 
-/// Whether a selection means a case.
+/// Returns `true` if a selection includes a case.
 pub fn keeps(selected: &Selected, case: &Case) -> bool {
     let is = |words: &[String], name: &str| words.is_empty() || words.iter().any(|word| word == name);
     is(&selected.family, &case.family)
@@ -18,20 +18,20 @@ pub fn keeps(selected: &Selected, case: &Case) -> bool {
         && is(&selected.case, &case.id)
 }
 
-/// What a result was asked for. One of format 1 does not say, and is taken for whole families.
+/// Returns the selection that a result was asked for. One of format 1 does not say, and is taken for whole families.
 pub fn selection_of(result: &SuiteResult) -> Selected {
     let families = || result.cases.iter().map(|played| played.family.clone()).collect::<BTreeSet<String>>();
     let whole = || Selected { family: families().into_iter().collect(), ..Selected::default() };
     result.selection.clone().unwrap_or_else(whole)
 }
 
-/// The cases of a suite that a result is to hold.
+/// Returns the cases of a suite that a result should hold.
 pub fn asked<'s>(result: &SuiteResult, suite: &'s Suite) -> Vec<&'s Case> {
     let selected = selection_of(result);
     suite.cases.iter().filter(|case| keeps(&selected, case)).collect()
 }
 
-/// What a result does not have as its suite does, where it is to hold these cases: each in words, with the cases by name.
+/// Returns the differences of a result from its suite, if it should hold these cases: each in words, with the cases by name.
 pub fn disagreements(result: &SuiteResult, suite: &Suite, asked: &[&Case]) -> Vec<String> {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     result.cases.iter().for_each(|played| *counts.entry(&played.case).or_insert(0) += 1);
@@ -65,7 +65,7 @@ pub fn disagreements(result: &SuiteResult, suite: &Suite, asked: &[&Case]) -> Ve
     said
 }
 
-/// The first of some cases, and how many more there are.
+/// Returns the names of the first of some cases, and the number of the others.
 pub fn named(cases: &[&str]) -> String {
     let more = cases.len().saturating_sub(NAMED_MAX);
     let first = cases[..cases.len() - more].join(", ");

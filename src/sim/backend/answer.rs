@@ -1,4 +1,4 @@
-//! What a worker answers: the motion of a rollout, or why there is none. One JSON line.
+//! The answer of a worker: the motion of a rollout, or why there is none. One JSON line.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 
@@ -15,7 +15,7 @@ pub enum Answer {
 }
 
 impl Answer {
-    /// Whether the same question has the same answer next time: a motion, and a scene that the driver abandoned.
+    /// Returns `true` if the same question has the same answer next time: a motion, or a scene that the driver abandoned.
     pub fn is_settled(&self) -> bool {
         matches!(self, Answer::ReportedRollout(_) | Answer::Failed(Undriven::Abandoned(_)))
     }
@@ -36,7 +36,7 @@ pub(super) struct AnswerLine {
     ego: Option<Vec<Numbers>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     road_users: Option<Vec<UserLine>>,
-    /// Of a planner in our own simulator: what it decided.
+    /// Decisions of a planner in our own simulator.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     controls: Vec<[f64; 2]>,
 }
@@ -79,7 +79,7 @@ impl<'de> Deserialize<'de> for Numbers {
 }
 
 impl AnswerLine {
-    /// What is missing or too much, where the line holds neither a motion nor a failure.
+    /// Returns the answer. The error says what is missing or too much in a line that holds neither a motion nor a failure.
     pub fn into_answer(self) -> Result<Answer, String> {
         match self {
             AnswerLine {

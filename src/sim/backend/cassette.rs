@@ -17,14 +17,14 @@ use crate::store::{self, StoreError, TextFault, shortened};
 
 const FORMAT: &str = "evodrive-rollout-cassette";
 const VERSION: &str = "1.0";
-/// The same with what planners decided, which readers of 1.0 refuse line by line.
+/// Version of a cassette that also holds planners' decisions. Readers of 1.0 refuse each such line.
 const VERSION_WITH_CONTROLS: &str = "1.1";
 const MAJOR: &str = "1";
-/// How the ego is called that repeats its recording.
+/// Name of the ego that repeats its recording.
 const REPLAY: &str = "replay";
-/// Bytes of a cassette before and after decompression.
+/// Most bytes of a cassette, before and after decompression.
 const MAX_BYTES: u64 = 1 << 30;
-/// Bytes of the first line, whose values take many times that in memory.
+/// Most bytes of the first line, whose values take many times that in memory.
 const MAX_HEADER_BYTES: usize = 1 << 20;
 
 /// Why a cassette cannot be read or written.
@@ -51,7 +51,7 @@ pub enum RolloutCassetteError {
     Store(#[from] StoreError),
 }
 
-/// Who answered.
+/// Identity of the backend or planner that answered.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Header {
@@ -62,13 +62,13 @@ pub struct Header {
 }
 
 impl Header {
-    /// Of the backend that an experiment declares.
+    /// Returns the header of the backend that an experiment declares.
     pub fn of(backend: &BackendOptions) -> Header {
         let BackendOptions { name, version, digest, options, .. } = backend.clone();
         Header { name, version, digest, options }
     }
 
-    /// Whether whoever drove was not told under which program ([`BackendOptions::is_blind`]).
+    /// Returns `true` if the driver was not told under which program it drove ([`BackendOptions::is_blind`]).
     pub fn is_blind(&self) -> bool {
         is_blind(&self.name, &self.options)
     }
@@ -104,23 +104,23 @@ pub struct Recorded {
 /// Recorded rollouts of one backend, by the key of their request.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RolloutCassette {
-    /// As messages name it.
+    /// The file's name in messages.
     pub file: String,
     pub backend: Header,
     rollouts: BTreeMap<Digest, Recorded>,
 }
 
-/// What was expected in a line, and what was found.
+/// Content that was expected in a line, and content that was found.
 type Wrong = (String, String);
 
 impl RolloutCassette {
-    /// Nothing recorded yet.
+    /// Creates a cassette with nothing recorded yet.
     pub fn new(file: impl Into<String>, backend: Header) -> RolloutCassette {
         RolloutCassette { file: file.into(), backend, rollouts: BTreeMap::new() }
     }
 
-    /// These rollouts, and those of a file that they do not have and that the same backend told; with how many those are. A file of
-    /// another backend or a damaged one has nothing that could stand beside them.
+    /// Adds the rollouts of a file that are missing here and that the same backend answered. Returns the union and the number added.
+    /// A file of another backend or a damaged one adds nothing.
     pub fn beside(mut self, path: &Path) -> (RolloutCassette, usize) {
         let own = self.rollouts.len();
         if let Ok(there) = RolloutCassette::load(path)
@@ -134,7 +134,7 @@ impl RolloutCassette {
         (self, others)
     }
 
-    /// Ids of the scenes of which rollouts are here.
+    /// Returns the ids of the scenes whose rollouts are here.
     pub fn scenes(&self) -> std::collections::BTreeSet<&str> {
         self.rollouts.values().map(|recorded| recorded.scene.as_str()).collect()
     }
@@ -153,7 +153,7 @@ impl RolloutCassette {
         RolloutCassette::read_from(next, file)
     }
 
-    /// Reads line by line, and none behind the first bad one.
+    /// Reads line by line, and stops at the first bad line.
     fn read_from(
         next: &mut dyn FnMut() -> Result<Option<store::Line>, TextFault>,
         file: &str,
@@ -235,13 +235,13 @@ impl RolloutCassette {
         }
     }
 
-    /// Takes a line of a cassette: a recorded rollout whose digests hold, and none that is there already. Otherwise what was
-    /// expected, and what was found.
+    /// Adds a line of a cassette: a recorded rollout whose digests hold and that is not there already. The error holds what was
+    /// expected and what was found.
     pub fn read_line(&mut self, line: &[u8]) -> Result<(), (String, String)> {
         self.read(line)
     }
 
-    /// Identity of whoever it was recorded of.
+    /// Returns the identity of the backend or planner that was recorded.
     pub fn recorded_of(&self) -> Digest {
         self.backend.digest
     }
@@ -256,12 +256,12 @@ impl RolloutCassette {
         })
     }
 
-    /// The digest under which a line holds an answer.
+    /// Returns the digest under which a line holds an answer.
     pub fn digest_of(key: Digest, answer: &Answer) -> Digest {
         Digest::of_bytes(&AnswerLine::of(key, answer).to_bytes())
     }
 
-    /// The digest of the motion that is recorded for a request.
+    /// Returns the digest of the motion that is recorded for a request.
     pub fn answer_digest(&self, key: &Digest) -> Option<Digest> {
         let recorded = self.rollouts.get(key).filter(|recorded| matches!(recorded.answer, Answer::ReportedRollout(_)));
         recorded.map(|recorded| RolloutCassette::digest_of(*key, &recorded.answer))
@@ -275,7 +275,7 @@ impl RolloutCassette {
         self.rollouts.insert(key, recorded);
     }
 
-    /// All of them, in the order of their keys.
+    /// Returns all rollouts, in the order of their keys.
     pub fn rollouts(&self) -> impl Iterator<Item = (&Digest, &Recorded)> {
         self.rollouts.iter()
     }
@@ -284,7 +284,7 @@ impl RolloutCassette {
         self.rollouts.len()
     }
 
-    /// In how many of them the driver abandoned the scene.
+    /// Returns the number of rollouts in which the driver abandoned the scene.
     pub fn abandoned(&self) -> usize {
         let gave_up = |recorded: &&Recorded| matches!(&recorded.answer, Answer::Failed(Undriven::Abandoned(_)));
         self.rollouts.values().filter(gave_up).count()
@@ -294,7 +294,7 @@ impl RolloutCassette {
         self.rollouts.is_empty()
     }
 
-    /// The text of the file.
+    /// Returns the text of the file.
     pub fn to_bytes(&self, name: &str) -> Vec<u8> {
         let decides = |of: &Recorded| matches!(&of.answer, Answer::ReportedRollout(of) if !of.controls.is_empty());
         let version = if self.rollouts.values().any(decides) { VERSION_WITH_CONTROLS } else { VERSION };

@@ -1,11 +1,11 @@
-//! Processes that are shared: each is started when nobody is idle, is used by one at a time, and is given back. Workers of a
+//! Shared processes: each is started when none is idle, is used by one caller at a time, and is given back. Workers of a
 //! simulator and planners are two such crews.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 use super::error::Fault;
 
-/// At most so many `T`, idle or busy.
+/// A pool of at most so many `T`, idle or busy.
 pub struct Crew<T> {
     most: usize,
     state: Mutex<State<T>>,
@@ -14,24 +14,24 @@ pub struct Crew<T> {
 
 struct State<T> {
     idle: Vec<T>,
-    /// How many there are, idle or busy.
+    /// Number of processes, idle or busy.
     started: usize,
-    /// After a fault nobody is asked any more.
+    /// Once there is a fault, nobody is asked any more.
     fault: Option<Fault>,
 }
 
 impl<T> Crew<T> {
-    /// Nobody is started yet.
+    /// Creates a crew in which nobody is started yet.
     pub fn new(most: usize) -> Crew<T> {
         let state = Mutex::new(State { idle: Vec::new(), started: 0, fault: None });
         Crew { most, state, returned: Condvar::new() }
     }
 
-    /// One that is idle, or a new one where there may be one more; waits where there may not. One that cannot begin stops
-    /// everything: it would fail in every scene.
+    /// Returns an idle one, or starts a new one if the limit allows, and otherwise waits for one. One that cannot start stops
+    /// the whole crew: it would fail in every scene.
     ///
     /// # Errors
-    /// What stopped the crew.
+    /// The fault that stopped the crew.
     pub fn take(&self, start: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
         let mut state = self.state();
         loop {
@@ -53,7 +53,7 @@ impl<T> Crew<T> {
         }
     }
 
-    /// Whoever went wrong is not given back: another one is started in its place.
+    /// Takes one back. `None` stands for one that failed: another is started in its place.
     pub fn give_back(&self, one: Option<T>) {
         let mut state = self.state();
         match one {
@@ -64,7 +64,7 @@ impl<T> Crew<T> {
         self.returned.notify_one();
     }
 
-    /// The first fault counts for everybody.
+    /// Stops the crew and returns its first fault, which counts for everybody.
     pub fn stop(&self, fault: Fault) -> Fault {
         let first = self.state().fault.get_or_insert(fault).clone();
         self.returned.notify_all();

@@ -28,16 +28,16 @@ pub struct DriverOptions {
     /// Longest time for one decision, s. It counts into no key.
     #[serde(default = "timeout_s")]
     pub timeout_s: f64,
-    /// Processes at once, at most, beside those that play again; no more than `--jobs` are busy. It counts into no key.
+    /// Most processes at once, beside those that play again; no more than `--jobs` are busy. It counts into no key.
     #[serde(default = "processes")]
     pub processes: usize,
     /// Share of the rollouts that another process plays again when they are recorded. It counts into no key.
     #[serde(default = "repeat_share")]
     pub repeat_share: f64,
-    /// Which observation each step holds beside what every planner is told. It is part of the identity.
+    /// The observation that each step holds beside what every planner is told. It is part of the identity.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub observe: Option<Setting>,
-    /// Whether the planner is not told under which program it drives. It is part of the identity.
+    /// True if the planner is not told under which program it drives. It is part of the identity.
     #[serde(default = "blind", skip_serializing_if = "is_blind")]
     pub blind: bool,
     /// The planner's identity: [`DriverOptions::identity`]. Written by hand only where the files may be missing.
@@ -69,8 +69,8 @@ fn is_blind(blind: &bool) -> bool {
 }
 
 impl DriverOptions {
-    /// What of a planner can change an answer: the protocol, the arguments, name and digest of each file, and what it is told
-    /// beyond what every planner is. The program's own name is no part of it, because it may be a path of one machine.
+    /// Returns the digest of everything that can change a planner's answer: the protocol, the arguments, name and digest of each file,
+    /// and what it is told beyond the rest. The program's own name is left out, because it may be a path of one machine.
     ///
     /// # Errors
     /// None that a list of texts can cause.
@@ -90,24 +90,24 @@ impl DriverOptions {
         }
     }
 
-    /// The ego.
+    /// Returns the ego.
     pub fn policy(&self) -> Option<Policy> {
         self.digest.map(Policy::Command)
     }
 
-    /// How people call it: the name of its first file, or the program's where no file is named.
+    /// Returns the name for readers: that of the first file, or of the program where no file is named.
     pub fn name(&self) -> String {
         let first =
             self.files.first().and_then(|file| file.file_name()).map(|name| name.to_string_lossy().into_owned());
         first.or_else(|| self.command.first().cloned()).unwrap_or_default()
     }
 
-    /// Where its files lie.
+    /// Returns the folder of its files.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// As whose rollouts they are recorded. The rules under which our simulator plays count into every key.
+    /// Returns the backend under which its rollouts are recorded. The rules of our simulator count into every key.
     pub fn backend(&self, simulator: &SimulatorOptions) -> Result<BackendOptions, CanonError> {
         let rules = Value::String(simulator.digest()?.to_hex());
         let mut options = BTreeMap::from([("rules".to_string(), rules)]);
@@ -149,7 +149,7 @@ mod tests {
         assert_ne!(first, of(&command("python3", "10"), "b"));
         let ego = |digest| Policy::Command(digest).digest();
         assert_ne!(ego(first), ego(of(&command("python3", "10"), "b")), "the ego's digest is in every key");
-        // Who is told more is another planner, and who is told no more is the one that it was.
+        // A planner that is told more is another planner, and one that is told no more stays the same.
         let pinned = "ee4c82ed06488d0ea3cb39d8675881123a4b585040b40b8f8909c635b61c548c";
         assert_eq!(first.to_hex(), pinned);
         let heard = |of| DriverOptions::identity(&command("python3", "10"), &file("a"), of).unwrap();

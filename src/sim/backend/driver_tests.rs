@@ -151,7 +151,7 @@ fn a_planner_behind_the_lines_drives_as_the_same_law_within_also_against_adversa
         let behind = played(&options(1.0), &start, &scene, &act).unwrap();
         let within = rollout_assessed(&plant(&scene), &act, &mut Plain).unwrap();
         if act.actions.iter().any(|action| matches!(action, Action::FollowThenReact { .. })) {
-            // Which manoeuvres would have spared the ego is asked with the motion as it was told.
+            // The manoeuvres that would have spared the ego are found from the reported motion.
             let contact = |outcome: &Outcome| outcome.contact.as_ref().map(|contact| (contact.with, contact.time_s));
             assert_eq!((behind.end, behind.steps, contact(&behind)), (within.end, within.steps, contact(&within)));
         } else {
@@ -194,7 +194,7 @@ fn reason(options: &DriverOptions, answer: impl Fn(&Value, usize) -> Said + Clon
     }
 }
 
-/// Words that a planner prints: of the machine that it runs on, and of who runs it.
+/// Words that a planner prints about its machine and its user.
 const OUTSIDE: &str = "/home/alice/mine.py sk-123";
 
 #[test]
@@ -213,7 +213,7 @@ fn a_crash_a_late_answer_and_nonsense_leave_the_scene_without_a_label_and_with_a
     ];
     for (answer, expected) in cases {
         let said = reason(&options(0.0), answer);
-        // Who is too slow is told from who failed.
+        // A late planner is distinguished from one that failed.
         let late = expected.contains("no answer within");
         assert_eq!(matches!(Undriven::from(said.clone()), Undriven::TooSlow(_)), late, "{said}");
         let said = said.strip_prefix("too slow: ").unwrap_or(&said);
@@ -366,7 +366,7 @@ fn no_label_comes_from_whoever_stands_in_for_a_planner() {
     let ego = Policy::Command(Digest::of_bytes(b"mine"));
     let own = Backend::Own.rollout(&plant(&scene), &Intervention::default(), &ego, (Seed(1), ProgramContext::Plain));
     assert!(matches!(own, Err(NoOutcome::Stop(BackendError::Unplayable(_)))), "{own:?}");
-    // Beside a planner other egos drive as ever, and nobody is asked.
+    // Beside a planner, other egos drive as usual, and no planner is asked.
     let options = options(0.0);
     let nobody = Fake(|_: &Value, _: usize| Err(Broken::Ended), AtomicUsize::new(0), Mutex::default());
     let (planners, backend) = (Planners::new(&options, &nobody), options.backend(&SimulatorOptions::SHIPPED).unwrap());

@@ -15,7 +15,7 @@ pub enum NoOutcome {
 }
 
 impl NoOutcome {
-    /// Why, in words.
+    /// Returns the reason in words.
     pub fn reason(self) -> String {
         match self {
             NoOutcome::Scene(why) => why.to_string(),
@@ -49,7 +49,7 @@ pub enum BackendError {
     Miss(#[from] Box<Miss>),
     #[error(transparent)]
     Worker(#[from] Fault),
-    /// A planner that nothing can rest on as it is. Repaired it is another ego.
+    /// A planner that nothing can rest on as it is. Once repaired, it is another ego.
     #[error(transparent)]
     Planner(Box<Fault>),
     #[error(transparent)]
@@ -61,7 +61,7 @@ pub enum BackendError {
     /// A recorded rollout that nobody can have driven.
     #[error("{0}")]
     Untrue(String),
-    /// A scene or a driver that no backend but ours has.
+    /// A scene or a driver that only our own backend has.
     #[error("{0}")]
     Unplayable(String),
 }
@@ -80,7 +80,7 @@ impl BackendError {
      the cassette has {recorded} rollouts, {of_scene} of them of this scene\n  to record it: {remedy}"
 )]
 pub struct Miss {
-    /// Where it was looked for.
+    /// File in which it was looked for.
     pub cassette: String,
     pub key: Digest,
     pub scene: String,
@@ -98,7 +98,7 @@ pub struct Miss {
 #[error("worker `{command}`, {place}: expected {expected}, found {found}; {remedy}; none of its answers was recorded")]
 pub struct Fault {
     pub command: String,
-    /// The line that is wrong: the greeting, or the answer to which request.
+    /// Line that is wrong: the greeting, or the answer to a named request.
     pub place: String,
     pub expected: String,
     pub found: String,

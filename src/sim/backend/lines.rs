@@ -13,7 +13,7 @@ use crate::sim::{ActorRef, Contact, ContactClass, Control, End, Outcome, Plant, 
 /// How far a planner sees, metres between centres.
 const SIGHT_M: f64 = 100.0;
 
-/// What a planner is told.
+/// A line to a planner.
 #[derive(Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub(super) enum Message<'a> {
@@ -23,14 +23,14 @@ pub(super) enum Message<'a> {
         dt_s: f64,
         /// For random numbers: the same in every rollout of a run.
         seed: u64,
-        /// Decisions at most.
+        /// Most decisions.
         steps: usize,
         target_speed_mps: Option<f64>,
         ego: CarLimits,
-        /// Under which program, where the planner is not blind.
+        /// The program under which it drives, where the planner is not blind.
         #[serde(skip_serializing_if = "Option::is_none")]
         under: Option<ProgramContext>,
-        /// What each step holds beside the rest, where [driver] asks for it.
+        /// The observation that each step also holds, where [driver] asks for one.
         #[serde(skip_serializing_if = "Option::is_none")]
         observe: Option<Setting>,
         route: &'a [Vec2],
@@ -47,10 +47,10 @@ pub(super) enum Message<'a> {
         ego: EgoNow,
         neighbours: Vec<Neighbour>,
         lights: Vec<LightState>,
-        /// Where the planner asked for it.
+        /// The map near the ego, if the planner asked for it.
         #[serde(skip_serializing_if = "Option::is_none")]
         map: Option<MapNear>,
-        /// Where [driver] asks for it.
+        /// The observation, if [driver] asks for it.
         #[serde(skip_serializing_if = "Option::is_none")]
         observation: Option<Vec<f32>>,
     },
@@ -58,7 +58,7 @@ pub(super) enum Message<'a> {
     End {
         end: Ending,
         steps: usize,
-        /// Where the planner asked for it.
+        /// The labels of the rollout, if the planner asked for them.
         #[serde(flatten, skip_serializing_if = "Option::is_none")]
         labels: Option<Labelled<'a>>,
     },
@@ -73,7 +73,7 @@ pub(super) enum Ending {
     Driven(End),
 }
 
-/// What came of a rollout: the labels by the names that the Python environments give them, and all that a record holds.
+/// The result of a rollout: its labels under the names of the Python environments, and all that a record holds.
 #[derive(Serialize)]
 pub(super) struct Labelled<'a> {
     labels: Labels,
@@ -84,9 +84,9 @@ pub(super) struct Labelled<'a> {
 pub(super) struct Labels {
     collision: bool,
     contact_class: Option<ContactClass>,
-    /// Whether the contact is with a road user that the program moves.
+    /// True if the contact is with a road user that the program moves.
     adversary: bool,
-    /// Whether braking or swerving would have avoided it and it is no ram from behind; null where nobody asks that.
+    /// True if braking or swerving would have avoided it and it is no ram from behind; null where it was not assessed.
     preventable: Option<bool>,
     route_completion: f64,
 }
@@ -130,7 +130,7 @@ pub(super) struct EgoNow {
     speed_mps: f64,
     acceleration_mps2: f64,
     steering_rad: f64,
-    /// Driven along the route, and beside it, positive to the left.
+    /// Distance driven along the route, and distance beside it, positive to the left.
     route_s_m: f64,
     route_offset_m: f64,
 }
@@ -146,7 +146,7 @@ pub(super) struct Neighbour {
     width_m: f64,
 }
 
-/// What it answers: controls, where it wants to be 0.1 s, 0.2 s ... from now, or that it drives no further.
+/// A planner's answer: controls, its wanted places 0.1 s, 0.2 s ... from now, or that it drives no further.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Answered {
@@ -167,7 +167,7 @@ pub(super) struct Answered {
     pub abandon: Option<String>,
 }
 
-/// What an answer comes to.
+/// Meaning of an answer.
 pub(super) enum Wish {
     Drive(Control),
     Abandon(String),
@@ -181,18 +181,18 @@ pub(super) fn is_word(text: &str) -> bool {
         && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_".contains(&byte))
 }
 
-/// What a planner is told besides what all are: its greeting and the table `[driver]` say it.
+/// The extras that a planner is told beyond what all are. Its greeting and the table `[driver]` ask for them.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Asked {
-    /// How far around the ego it is told the map, metres.
+    /// Radius around the ego within which it is told the map, metres.
     pub map_m: Option<f64>,
     pub observe: Option<Setting>,
     pub under: Option<ProgramContext>,
-    /// Whether it is told what came of a rollout.
+    /// True if it is told the result of a rollout.
     pub labels: bool,
 }
 
-/// What a planner is told when a rollout begins.
+/// Returns the line that tells a planner that a rollout begins.
 pub(super) fn begun<'a>(plant: &'a Plant, seed: Seed, asked: &Asked) -> Message<'a> {
     let (scene, limits, size) = (plant.scene(), plant.limits(), &plant.scene().ego.track);
     Message::Begin {
@@ -220,7 +220,7 @@ pub(super) fn begun<'a>(plant: &'a Plant, seed: Seed, asked: &Asked) -> Message<
     }
 }
 
-/// Everything that a planner is told at one decision: nothing of the future.
+/// Returns everything that a planner is told at one decision: nothing of the future.
 pub(super) fn observation(view: &View<'_>, asked: &Asked) -> Message<'static> {
     let ego = view.ego();
     let mut near: Vec<(f64, Neighbour)> = Vec::new();

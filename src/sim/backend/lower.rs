@@ -18,7 +18,7 @@ pub fn lowered(plant: &Plant, intervention: &Intervention, ego: &Policy) -> Resu
     Ok(as_driven(plant, intervention, &reported))
 }
 
-/// Refuses what only our own simulator plays without asking anybody.
+/// Refuses scenes and actions that only our own simulator plays, without asking a backend.
 pub(super) fn unstaged(plant: &Plant, intervention: &Intervention) -> Result<(), NoOutcome> {
     let staged = intervention.actions.iter().any(|action| matches!(action, Action::Triggered(_)));
     if plant.is_staged() || staged {
@@ -32,7 +32,7 @@ fn reacts(action: &Action) -> bool {
     matches!(action, Action::FollowThenReact { .. } | Action::FollowThenObey { .. })
 }
 
-/// The intervention with the motion of a told rollout in place of every reacting action.
+/// Returns the intervention with the motion of a reported rollout in place of every reacting action.
 pub(super) fn as_driven(plant: &Plant, intervention: &Intervention, reported: &ReportedRollout) -> Intervention {
     let within = reported.contact.is_some_and(|contact| (1..5).contains(&contact.substep));
     let rows = reported.ego.len() - usize::from(within);

@@ -5,22 +5,22 @@ use serde::Serialize;
 use crate::kernel::Vec2;
 use crate::scene::Road;
 
-/// How far a planner may ask for, metres.
+/// Least and largest radius that a planner may ask for, metres.
 pub const REACH_M: (f64, f64) = (1.0, 200.0);
 
-/// What lies within reach: pieces of lines in the scene's metres, each of two points or more.
+/// The map within reach: pieces of lines in the scene's metres, each of two points or more.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MapNear {
     /// Lanes of which something lies within reach.
     pub lanes: Vec<LaneNear>,
-    /// Where the road ends.
+    /// Pieces of the road's edges.
     pub edges: Vec<Vec<Vec2>>,
 }
 
 /// The pieces of one lane, in driving direction.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LaneNear {
-    /// Its place in the lanes of `begin`.
+    /// Index of the lane in the lanes of `begin`.
     pub lane: usize,
     pub centre: Vec<Vec<Vec2>>,
     pub left: Vec<Vec<Vec2>>,
@@ -28,7 +28,7 @@ pub struct LaneNear {
 }
 
 impl MapNear {
-    /// Everything of a road within reach of a point.
+    /// Returns everything of a road within reach of a point.
     pub fn around(road: &Road, at: Vec2, reach_m: f64) -> MapNear {
         let near = |line: &[Vec2]| pieces(line, at, reach_m);
         let lane = |(lane, of): (usize, &crate::scene::Lane)| {
@@ -43,7 +43,7 @@ impl MapNear {
     }
 }
 
-/// The longest runs of segments of which each comes within reach.
+/// Returns the longest runs of segments that all come within reach.
 fn pieces(line: &[Vec2], at: Vec2, reach_m: f64) -> Vec<Vec<Vec2>> {
     let mut pieces: Vec<Vec<Vec2>> = Vec::new();
     let mut follows = false;
@@ -59,7 +59,7 @@ fn pieces(line: &[Vec2], at: Vec2, reach_m: f64) -> Vec<Vec<Vec2>> {
     pieces
 }
 
-/// From a point to the nearest one of a segment, metres.
+/// Returns the distance from a point to the nearest one of a segment, metres.
 fn distance(from: Vec2, to: Vec2, at: Vec2) -> f64 {
     let along = to - from;
     let share = (at - from).dot(along) / along.norm_squared().max(f64::MIN_POSITIVE);

@@ -1,5 +1,5 @@
-//! Who simulates rollouts for labels: our own simulator, or another one behind worker processes whose answers are recorded
-//! and replayed. The outcome is always summed up here, by one account. `docs/BACKENDS.md` describes the protocol.
+//! Backends that simulate rollouts for labels: our own simulator, or another one behind worker processes whose answers are recorded
+//! and replayed. The outcome is always computed here, by the same code. `docs/BACKENDS.md` describes the protocol.
 
 mod answer;
 mod cassette;

@@ -9,20 +9,20 @@ use crate::scene::DT_S;
 use crate::sim::bicycle::Car;
 use crate::sim::{Control, Driver, End, Outcome, Plant, Undriven, View};
 
-/// Points of a trajectory that are looked at: half a second of them.
+/// Number of points of a trajectory that are used: half a second of them.
 const POINTS_AHEAD: usize = 5;
 
-/// How long a line is waited for that nobody asked for, behind the last decision of a rollout.
+/// Time to wait, after the last decision of a rollout, for a line that nobody asked for.
 const UNASKED: Duration = Duration::from_millis(20);
 
 /// Why a planner drove no further.
 #[derive(Debug)]
 pub(super) struct Refusal {
-    /// What is recorded: words of ours alone, the same in every folder and for every user.
+    /// The recorded reason: words of ours alone, the same in every folder and for every user.
     pub reason: String,
-    /// What the process printed in place of an answer. It is shown, and not recorded.
+    /// Text that the process printed in place of an answer. It is shown, and not recorded.
     pub printed: String,
-    /// What that is.
+    /// Kind of failure that the reason belongs to.
     pub of: fn(String) -> Undriven,
 }
 
@@ -47,15 +47,15 @@ pub(super) struct Planner<'p> {
     limit: Duration,
     seed: Seed,
     asked: Asked,
-    /// What went wrong, and at which decision.
+    /// The failure, and the decision at which it happened.
     broken: Option<Refusal>,
-    /// At which decision it abandoned the scene, and the word for why.
+    /// Decision at which it abandoned the scene, and the word for why.
     abandoned: Option<(usize, String)>,
-    /// What it decided, within the car's limits: acceleration (m/s²) and steering angle (rad).
+    /// Decisions so far, within the car's limits: acceleration (m/s²) and steering angle (rad).
     controls: Vec<[f64; 2]>,
-    /// How the rollout ended whose labels it is yet to be told.
+    /// End and number of decisions of the rollout whose labels it is yet to be told.
     ended: Option<(End, usize)>,
-    /// Nobody waits for it any more; of the scene that says nothing.
+    /// True if nobody waits for it any more, which says nothing about the scene.
     stopped: bool,
 }
 
@@ -65,36 +65,36 @@ impl<'p> Planner<'p> {
         Planner { line, limit, seed, asked, broken: None, abandoned: None, controls, ended: None, stopped: false }
     }
 
-    /// What it decided so far, one a decision.
+    /// Takes its decisions so far, one for each decision step.
     pub fn controls(&mut self) -> Vec<[f64; 2]> {
         std::mem::take(&mut self.controls)
     }
 
-    /// Whether it drove no further because nobody waits for it any more.
+    /// Returns `true` if it drove no further because nobody waits for it any more.
     pub fn was_stopped(&self) -> bool {
         self.stopped
     }
 
-    /// Whether it is to be told what came of its rollout.
+    /// Returns `true` if it is still to be told the result of its rollout.
     pub fn awaits_labels(&self) -> bool {
         self.ended.is_some()
     }
 
-    /// Says what came of a rollout that ended, to who asked for it.
+    /// Tells the result of a rollout that ended to a planner that asked for it.
     pub fn tell_labels(&mut self, outcome: &Outcome) {
         if let Some((end, steps)) = self.ended.take() {
             self.close(steps, &Message::End { end: Ending::Driven(end), steps, labels: Some(Labelled::of(outcome)) });
         }
     }
 
-    /// In words, at which decision it abandoned the scene and why, if it did. It goes on with the next one.
+    /// Says in words at which decision it abandoned the scene and why, if it did. It goes on with the next scene.
     pub fn abandoned(&mut self) -> Option<String> {
         let (steps, word) = self.abandoned.take()?;
         self.close(steps, &Message::End { end: Ending::Abandoned, steps, labels: None });
         Some(format!("decision {steps} ({:.1} s): {word}", steps as f64 * DT_S))
     }
 
-    /// Why it drove no further, if it did not.
+    /// Returns why it drove no further, if it failed.
     pub fn broken(self) -> Option<Refusal> {
         self.broken
     }
@@ -106,7 +106,7 @@ impl<'p> Planner<'p> {
         }
     }
 
-    /// Says the last words of a rollout, to which nobody answers.
+    /// Sends the last line of a rollout, which needs no answer.
     fn close(&mut self, steps: usize, message: &Message<'_>) {
         self.say(message);
         if let (None, Ok(bytes)) = (&self.broken, self.line.receive(UNASKED)) {
@@ -116,7 +116,7 @@ impl<'p> Planner<'p> {
     }
 
     fn ask(&mut self, view: &View<'_>) -> Result<Wish, Refusal> {
-        // Taken for the answer, it would be one to an earlier question, and so would every later one.
+        // Taken as the answer, this line would answer an earlier question, and so would every later line.
         match self.line.early() {
             None => {}
             Some(Ok(bytes)) => return Err(Refusal::of(BEFORE, &bytes)),
@@ -157,16 +157,16 @@ impl<'p> Planner<'p> {
     }
 }
 
-/// What an answer has to be.
+/// Form that an answer must have.
 const FORM: &str = "expected {\"acceleration_mps2\": .., \"steering_rad\": ..} or {\"trajectory\": [[x, y], ..]}";
-/// The same where [driver] names an observation.
+/// Form of an answer where [driver] names an observation.
 const FORM_OBSERVING: &str = "expected {\"action\": [steering, pedal]}, {\"acceleration_mps2\": .., \"steering_rad\": ..} or {\"trajectory\": [[x, y], ..]}";
-/// What stands in place of a decision where a scene is abandoned.
+/// Form of an answer that abandons a scene in place of a decision.
 const WORD: &str = "expected {\"abandon\": \"word\"} with 1 to 40 letters, digits, - or _, found something else";
-/// Said of a line that is there when all were answered.
+/// Message about a line that is there after all questions were answered.
 const AFTER: &str =
     "expected no more lines, found one that nobody asked for; print one line a `step`, and none for `begin` and `end`";
-/// Said of a line that nobody asked for.
+/// Message about a line that came before its question.
 const BEFORE: &str = "expected one line an answer, found one that came before this question; print one line a `step`, and none for `begin` and `end`";
 
 impl Driver for Planner<'_> {
@@ -224,7 +224,7 @@ fn along(view: &View<'_>, points: &[Vec2]) -> Control {
     }
 }
 
-/// Why a process gave no line.
+/// Says why a process gave no line.
 pub(super) fn why(broken: &Broken, limit: Duration) -> String {
     match broken {
         Broken::Ended => "the process ended".into(),

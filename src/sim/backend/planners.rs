@@ -1,7 +1,7 @@
-//! Planner processes as they are used: started when they are needed, greeted, given one rollout at a time, and some rollouts
-//! again, because a planner that answers differently the second time makes a run that nobody can repeat. The second time is
-//! another process's, in which Python salts the hashes of texts otherwise: within one process all that hangs on them, such as
-//! the order of a set, comes out the same.
+//! Planner processes at work: started when they are needed, greeted, given one rollout at a time. Some rollouts are played
+//! again, because nobody can repeat a run whose planner answers differently the second time. Another process plays them the second
+//! time, with another salt for Python's hashes of texts: within one process all that depends on them, such as the order of a
+//! set, comes out the same.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -30,15 +30,15 @@ const HASH_SALT: &str = "PYTHONHASHSEED";
 const SALT: &str = "1";
 const OTHER_SALT: &str = "2";
 
-/// What a planner says when it starts.
+/// Greeting of a planner.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct HelloLine {
     evodrive_driver: u32,
-    /// How far around the ego it wants to be told the map at each decision, metres.
+    /// Radius around the ego within which it wants the map at each decision, metres.
     #[serde(default)]
     map_m: Option<f64>,
-    /// Whether it wants to be told what came of a rollout.
+    /// True if it wants to be told the result of a rollout.
     #[serde(default)]
     labels: bool,
 }
@@ -55,19 +55,19 @@ pub struct Planners<'a> {
     options: &'a DriverOptions,
     start: &'a dyn Start,
     crew: Crew<Greeted>,
-    /// Processes for the second time.
+    /// Processes that play rollouts again.
     again: Crew<Greeted>,
-    /// Whether nothing was played again so far.
+    /// True if nothing was played again so far.
     unchecked: AtomicBool,
-    /// Rollouts that were driven, and those of them that were played again and came out the same.
+    /// Number of rollouts that were driven, and of those that were played again and came out the same.
     driven: AtomicUsize,
     equal: AtomicUsize,
 }
 
 impl<'a> Planners<'a> {
-    /// Nothing is started yet.
+    /// Creates the planners of an experiment; nothing is started yet.
     pub fn new(options: &'a DriverOptions, start: &'a dyn Start) -> Planners<'a> {
-        // As many as are busy with it at once on the average, and one at least.
+        // As many as are busy with playing again on average, and at least one.
         let again = (options.processes as f64 * options.repeat_share).ceil().max(1.0) as usize;
         Planners {
             options,
@@ -80,18 +80,18 @@ impl<'a> Planners<'a> {
         }
     }
 
-    /// Starts one that can be asked, if none waits.
+    /// Starts one that can be asked, if none is idle.
     ///
     /// # Errors
-    /// It cannot be started here, or does not say what a planner says first.
+    /// It cannot be started here, or does not greet as a planner must.
     pub fn ready(&self) -> Result<(), Fault> {
         let line = self.crew.take(|| self.greeted(SALT))?;
         self.crew.give_back(Some(line));
         Ok(())
     }
 
-    /// One rollout, which another process plays too where it is drawn to be compared. The first one always is: a study may be so
-    /// short that none is drawn.
+    /// Drives one rollout. Another process plays it too if it is drawn for comparison. The first rollout is always compared, because
+    /// a study may be so short that none is drawn.
     fn drive(&self, process: &mut Greeted, request: &Request<'_>) -> Result<Answer, NoOutcome> {
         let first = self.play(process, request)?;
         self.driven.fetch_add(1, Ordering::Relaxed);
@@ -114,8 +114,8 @@ impl<'a> Planners<'a> {
         Ok(first)
     }
 
-    /// The same rollout in another process. One that is new plays it twice: were every rollout compared, both processes would have
-    /// the same past, and what a planner keeps of it would show nowhere.
+    /// Plays the same rollout in another process. A new process plays it twice: if every rollout were compared, both processes would
+    /// have the same past, and state that a planner keeps from it would never show.
     fn play_again(
         &self,
         other: &mut Greeted,
@@ -156,7 +156,7 @@ impl<'a> Planners<'a> {
         }))
     }
 
-    /// A motion, or why the planner abandoned the scene.
+    /// Returns a motion, or why the planner abandoned the scene.
     fn play(&self, process: &mut Greeted, request: &Request<'_>) -> Result<Answer, NoOutcome> {
         let (observe, under) = (self.options.observe, request.under);
         let asked = Asked { map_m: process.map_m, observe, under, labels: process.labels };
@@ -192,7 +192,7 @@ impl<'a> Planners<'a> {
         }
     }
 
-    /// A new process that speaks this protocol.
+    /// Starts a new process that speaks this protocol.
     fn greeted(&self, salt: &str) -> Result<Greeted, Fault> {
         let DriverOptions { command, .. } = self.options;
         let folder: &Path = self.options.folder();
@@ -243,7 +243,7 @@ impl Answers for Planners<'_> {
     fn answer(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
         let mut line = self.crew.take(|| self.greeted(SALT)).map_err(BackendError::planner)?;
         let driven = self.drive(&mut line, request);
-        // Whatever went wrong, nobody knows what the process would say next.
+        // After a failure, nobody knows what the process would say next.
         self.crew.give_back(driven.is_ok().then_some(line));
         match driven {
             Ok(answer) => Ok(answer),
@@ -254,7 +254,7 @@ impl Answers for Planners<'_> {
         }
     }
 
-    /// A planner that is seldom no function passes where few rollouts are compared: whoever rests on it is to know how many were.
+    /// Says how many rollouts were compared: with few of them, a planner that rarely answers differently goes unnoticed.
     fn compared(&self) -> Option<String> {
         let (driven, equal) = (self.driven.load(Ordering::Relaxed), self.equal.load(Ordering::Relaxed));
         let all = "driver.repeat_share = 1 plays every one again";
@@ -269,12 +269,12 @@ impl Answers for Planners<'_> {
     }
 }
 
-/// Whether a planner may ask for so much of the map.
+/// Returns `true` if a planner may ask for a map of this radius.
 fn fits(map_m: Option<f64>) -> bool {
     map_m.is_none_or(|reach_m| (REACH_M.0..=REACH_M.1).contains(&reach_m))
 }
 
-/// The end of what a process wrote on its standard error, for messages.
+/// Returns the end of a process's standard error, for messages.
 fn complaint(line: &mut dyn Line) -> String {
     let text = line.complaint();
     match text.trim() {
@@ -283,14 +283,14 @@ fn complaint(line: &mut dyn Line) -> String {
     }
 }
 
-/// Whether this rollout is among those that are played again: drawn by its key, so that every recording draws the same.
+/// Returns `true` if this rollout is played again. Its key decides, so that every recording draws the same.
 fn drawn(key: &Digest, share: f64) -> bool {
     let bytes = key.as_bytes();
     let drawn = u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
     f64::from(drawn) < share * 4_294_967_296.0
 }
 
-/// Where two answers to one request part, in words.
+/// Describes the first difference between two answers to one request.
 fn difference(first: &Answer, second: &Answer) -> Option<(String, String)> {
     if first == second {
         return None;

@@ -11,13 +11,13 @@ use super::request::{Answers, Request};
 use crate::kernel::Digest;
 use crate::store::{MemoKind, Store, StoreError};
 
-/// Records rollouts. A motion goes to the store before it is used, so that a killed recording does not ask twice; so does that a
-/// driver abandoned the scene, which is its decision. Failures of earlier recordings are asked again.
+/// Records rollouts. A motion goes to the store before it is used, so that a killed recording does not ask twice; so does the
+/// driver's decision to abandon a scene. Failures of earlier recordings are asked again.
 pub struct Recorder<'a> {
     store: &'a Store,
-    /// What was recorded before; nothing for a fresh recording.
+    /// Earlier recorded rollouts; empty for a fresh recording.
     before: RolloutCassette,
-    /// Who is asked for what is not recorded.
+    /// Source of the answers that are not recorded.
     asked: Box<dyn Answers + 'a>,
     /// Separates the answers of a fresh recording from earlier ones; empty otherwise.
     fresh: String,
@@ -30,7 +30,7 @@ impl<'a> Recorder<'a> {
         Recorder { store, before, asked, fresh, collected: Mutex::new(BTreeMap::new()) }
     }
 
-    /// What was asked, and how many of it failed.
+    /// Returns everything that was asked, and how many of these requests failed.
     pub fn cassette(&self) -> (RolloutCassette, usize) {
         let collected = self.collected.lock().unwrap_or_else(PoisonError::into_inner);
         let failed = collected.values().filter(|recorded| !recorded.answer.is_settled()).count();
@@ -57,7 +57,7 @@ impl<'a> Recorder<'a> {
         if answer.is_settled() {
             let object = self.store.put(&AnswerLine::of(request.key, &answer).to_bytes())?;
             match self.store.memo_put(MemoKind::Rollout, &memo, &object) {
-                // Two threads may ask the same at once; a backend that is no function shows itself at the next recording.
+                // Two threads may ask the same at once. A backend that answers differently is found at the next recording.
                 Ok(()) | Err(StoreError::Conflict { .. }) => self.store.flush()?,
                 Err(error) => return Err(error.into()),
             }

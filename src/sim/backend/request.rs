@@ -1,4 +1,4 @@
-//! What a worker is asked: a scene, the commands of its adversaries, an ego. One JSON line.
+//! A request to a worker: a scene, the commands of its adversaries, an ego. One JSON line.
 
 use std::collections::BTreeMap;
 
@@ -23,19 +23,19 @@ pub struct Request<'a> {
     pub plant: &'a Plant,
     pub intervention: &'a Intervention,
     pub ego: &'a str,
-    /// Whether the ego repeats its recording.
+    /// True if the ego repeats its recording.
     pub replays: bool,
     pub(super) seed: Seed,
-    /// Under which program, for planners that are told.
+    /// The program under which it drives, for planners that are told.
     pub(super) under: Option<ProgramContext>,
     options: &'a BTreeMap<String, Value>,
 }
 
-/// Who answers requests. Called from many threads.
+/// A source of answers to requests. Called from many threads.
 pub trait Answers: Sync {
     fn answer(&self, request: &Request<'_>) -> Result<Answer, BackendError>;
 
-    /// How many answers were compared with a second one, in words; `None` of who compares none.
+    /// Says how many answers were compared with a second one; `None` if none are compared.
     fn compared(&self) -> Option<String> {
         None
     }
@@ -45,7 +45,7 @@ pub trait Answers: Sync {
 struct RequestLine<'a> {
     request: Digest,
     scene: &'a Scene,
-    /// The scene's step at which the closed loop begins, and how many decision steps follow at most.
+    /// Step of the scene at which the closed loop begins, and most decision steps that follow.
     first_step: usize,
     steps: usize,
     ego: &'a str,
@@ -54,7 +54,7 @@ struct RequestLine<'a> {
     options: &'a BTreeMap<String, Value>,
 }
 
-/// An adversary's motion, one sample a simulated step from the first on.
+/// An adversary's motion, with one sample for each simulated step from the first on.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Commanded {
@@ -66,7 +66,7 @@ pub(super) struct Commanded {
 }
 
 impl<'a> Request<'a> {
-    /// `intervention` has been lowered to samples.
+    /// Creates a request. `intervention` has been lowered to samples.
     pub fn new(
         backend: &'a BackendOptions,
         plant: &'a Plant,
@@ -85,12 +85,12 @@ impl<'a> Request<'a> {
         Ok(Request { key, plant, intervention, ego: ego.name(), replays, seed, under, options: &backend.options })
     }
 
-    /// The scene's id, for messages.
+    /// Returns the scene's id, for messages.
     pub fn scene(&self) -> &str {
         self.plant.scene_id()
     }
 
-    /// The line that a worker reads, without its end.
+    /// Returns the line that a worker reads, without its end.
     pub fn line(&self) -> String {
         let scene = self.plant.scene();
         let who = adversaries_of(self.intervention).into_iter();

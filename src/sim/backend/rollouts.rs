@@ -1,4 +1,4 @@
-//! A rollout for a label, from whoever simulates it.
+//! A rollout for a label, from any simulator.
 
 use super::answer::Answer;
 use super::error::{BackendError, NoOutcome};
@@ -13,17 +13,17 @@ use crate::sim::{
     retraced, rollout_assessed, rollout_explained, rollout_traced,
 };
 
-/// Who simulates the rollouts of a run.
+/// The simulator of a run's rollouts.
 #[derive(Clone, Copy)]
 pub enum Backend<'a> {
     /// Our own simulator.
     Own,
-    /// Another one, by its answers.
+    /// Another simulator, by its answers.
     Other { options: &'a BackendOptions, answers: &'a dyn Answers },
 }
 
 impl Backend<'_> {
-    /// Who simulates with this ego: behind a planner, every other ego needs none.
+    /// Returns the simulator for this ego. Where a planner is declared, every other ego drives in our own simulator.
     fn asked(&self, ego: &Policy) -> Result<Backend<'_>, NoOutcome> {
         match (self, ego) {
             (Backend::Other { options, .. }, Policy::Command(_)) if options.drives() => Ok(*self),
@@ -36,7 +36,7 @@ impl Backend<'_> {
         }
     }
 
-    /// The outcome of one rollout, its contact assessed. [`ProgramContext`] says of which program the intervention is: planners may ask.
+    /// Returns the outcome of one rollout, its contact assessed. [`ProgramContext`] names the program, for planners that ask for it.
     pub fn rollout(
         &self,
         plant: &Plant,
@@ -50,7 +50,7 @@ impl Backend<'_> {
         }
     }
 
-    /// The same with the motion behind it.
+    /// Returns the same with the motion behind it.
     pub fn traced(
         &self,
         plant: &Plant,
@@ -67,7 +67,7 @@ impl Backend<'_> {
         asked_of(options, answers, (plant, intervention, ego, drawn), judged)
     }
 
-    /// The outcome with the motion behind it, and the time line of its contact, where it has one.
+    /// Returns the outcome with its motion, and the time line of its contact, if it has one.
     pub fn explained(
         &self,
         plant: &Plant,
@@ -88,14 +88,14 @@ impl Backend<'_> {
     }
 }
 
-/// What becomes of another simulator's answer, or a planner's drive, in a scene.
+/// Gets the answer of another simulator or a planner's drive for a scene, checks it and hands it to `then`.
 fn asked_of<T>(
     options: &BackendOptions,
     answers: &dyn Answers,
     (plant, intervention, ego, drawn): (&Plant, &Intervention, &Policy, (Seed, ProgramContext)),
     then: impl FnOnce(&Request<'_>, &ReportedRollout) -> Result<T, NoOutcome>,
 ) -> Result<T, NoOutcome> {
-    // Reacting adversaries meet a planner as they are; who has none of their rules is told what they do.
+    // Reacting adversaries meet a planner as they are. Another simulator lacks their rules and is told their motion.
     let intervention = if options.drives() {
         unstaged(plant, intervention)?;
         intervention.clone()
@@ -114,7 +114,7 @@ fn asked_of<T>(
     }
 }
 
-/// What a rollout that somebody reported comes to.
+/// Returns the outcome and the motion of a reported rollout.
 pub(super) fn judged(request: &Request<'_>, rollout: &ReportedRollout) -> Result<(Outcome, Trace), NoOutcome> {
     let Request { plant, intervention, .. } = *request;
     judge(plant, &as_driven(plant, intervention, rollout), rollout, request.replays)

@@ -1,4 +1,4 @@
-//! Our own simulator as a worker: what `evodrive worker` does with a line. It shows how the protocol is meant, and a run
+//! Our own simulator as a worker: the code behind a line to `evodrive worker`. It shows how the protocol is meant, and a run
 //! behind it has the same labels as a run without it.
 
 use std::collections::BTreeMap;
@@ -15,15 +15,15 @@ use crate::kernel::Digest;
 use crate::scene::{PreparedScene, Sample, Scene};
 use crate::sim::{Action, ActorRef, Intervention, Plant, PlantOptions, SIM_VERSION, SimulatorOptions, tell};
 
-/// The name under which our own simulator serves: it must not be taken for the one that needs no worker.
+/// Name under which our own simulator serves. It differs from the name of the one that needs no worker.
 const NAME: &str = "evodrive-worker";
-/// What it serves, apart from scenes that only the undisguised simulator has.
+/// The egos that it serves, apart from scenes that only the undisguised simulator has.
 const EGOS: [&str; 3] = ["idm", "idm-lights", "replay"];
 
 /// A line to write.
 pub type Served = Vec<u8>;
 
-/// The greeting.
+/// Returns the greeting.
 pub fn hello() -> Served {
     let version = SIM_VERSION.to_string();
     let digest = Digest::of_bytes(format!("{OWN} {NAME} {PROTOCOL} {version}").as_bytes());
@@ -47,7 +47,7 @@ struct Asked {
     options: BTreeMap<String, Value>,
 }
 
-/// The answer to a line. A line that is no request is an error, which says so.
+/// Answers a line. A line that is no request is an error, which says so.
 pub fn serve(line: &[u8]) -> Result<Served, String> {
     let asked: Asked = serde_json::from_slice(line).map_err(|error| format!("not a rollout request: {error}"))?;
     let request = asked.request;
@@ -68,7 +68,7 @@ fn played(asked: Asked) -> Result<Answer, String> {
     let simulator = SimulatorOptions { plant, ..SimulatorOptions::SHIPPED };
     simulator.check().map_err(|error| error.to_string())?;
     let policy: Policy = ego.parse().map_err(|error: crate::ego::policy::PolicyError| error.to_string())?;
-    // Whoever asks may be another program than ours, and what a scene costs is bounded by what a sound one may hold.
+    // The sender may be another program than ours, and the cost of a scene is bounded by what a sound one may hold.
     if let Some(violation) = scene.validate().first() {
         return Err(format!("the scene breaks a rule of a sound scene: {violation}; correct it where it comes from"));
     }
@@ -87,8 +87,8 @@ fn played(asked: Asked) -> Result<Answer, String> {
     Ok(Answer::ReportedRollout(rollout))
 }
 
-/// The action that carries a command out. A recorded road user may be away for a while: what it is commanded before it comes back then
-/// takes the place of its recording, which an action leaves as it is up to its first step.
+/// Returns the action that carries a command out. A recorded road user may be away for a while: its commands before it comes back then
+/// replace its recording, which an action leaves as it is up to its first step.
 fn action(commanded: Commanded, scene: &mut Scene, first_step: usize) -> Result<Action, String> {
     let Commanded { who, kind, length_m, width_m, samples } = commanded;
     let until = samples.iter().rposition(Option::is_some).ok_or_else(|| format!("{who:?} has no sample"))?;

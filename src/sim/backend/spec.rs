@@ -1,4 +1,4 @@
-//! What an experiment file says about a backend: the table `[simulator.backend]`.
+//! A backend in an experiment file: the table `[simulator.backend]`.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -12,25 +12,25 @@ use crate::kernel::{Digest, canon::CanonError};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BackendOptions {
-    /// As the worker calls it.
+    /// Name by which the worker calls itself.
     pub name: String,
-    /// Of the simulator behind the worker.
+    /// Version of the simulator behind the worker.
     pub version: String,
-    /// What the worker says of its own code.
+    /// Digest that the worker gives of its own code.
     pub digest: Digest,
     /// Handed to the worker with every request.
     #[serde(default)]
     pub options: BTreeMap<String, Value>,
-    /// Around whose drive families plan.
+    /// The ego around whose drive families plan.
     #[serde(default)]
     pub plan_around: PlanAround,
     /// File of the recorded rollouts, relative to the experiment file. It counts into no key.
     pub cassette: PathBuf,
-    /// How it is reached when rollouts are recorded. It counts into no key.
+    /// How the worker is reached when rollouts are recorded. It counts into no key.
     pub worker: WorkerOptions,
 }
 
-/// Whose undisturbed drive of the ego the situation holds for which families plan.
+/// The ego whose undisturbed drive families plan around.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PlanAround {
@@ -47,49 +47,49 @@ pub enum PlanAround {
 pub struct WorkerOptions {
     /// Program and arguments.
     pub command: Vec<String>,
-    /// Processes at once, at most.
+    /// Most processes at once.
     pub workers: usize,
     /// Longest time for an answer, s.
     pub seconds: f64,
     /// How often a request is sent again after a worker ended or was too slow.
     pub retries: u32,
-    /// After how many rollouts a process is replaced by a new one, for a simulator that keeps memory; never without it.
+    /// Rollouts after which a process is replaced by a new one, for a simulator that leaks memory; `None` for never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rollouts: Option<u32>,
 }
 
 impl BackendOptions {
-    /// What of it can change an answer: name, version, options and the worker's own digest.
+    /// Returns the digest of everything that can change an answer: name, version, options and the worker's own digest.
     pub fn key(&self) -> Result<Digest, CanonError> {
         Digest::of("evodrive/backend/1", &(&self.name, &self.version, self.digest, &self.options))
     }
 
-    /// What of it can change an answer or what is asked: [`BackendOptions::key`] and whose ego is planned around.
+    /// Returns the digest of everything that can change an answer or a question: [`BackendOptions::key`] and the ego planned around.
     pub fn rules(&self) -> Result<Digest, CanonError> {
         match self.plan_around {
-            // Recorded runs from before there was a choice.
+            // Keys of runs recorded before there was a choice.
             PlanAround::Evodrive => self.key(),
             PlanAround::Backend => Digest::of("evodrive/backend-planned/1", &self.key()?),
         }
     }
 
-    /// Whether it is our own simulator with a planner of the experimenter's own as the ego.
+    /// Returns `true` if it is our own simulator with a planner of the experimenter's own as the ego.
     pub fn drives(&self) -> bool {
         self.name == DRIVER
     }
 
-    /// Whether whoever drives is not told under which program: all but planners that ask for it.
+    /// Returns `true` if the driver is not told under which program it drives: all but planners that ask for it.
     pub fn is_blind(&self) -> bool {
         is_blind(&self.name, &self.options)
     }
 
-    /// The same backend without the parts that change no answer.
+    /// Returns the same backend without the parts that change no answer.
     pub fn content(&self) -> BackendOptions {
         let worker = WorkerOptions { command: Vec::new(), workers: 1, seconds: 1.0, retries: 0, rollouts: None };
         BackendOptions { cassette: PathBuf::new(), worker, ..self.clone() }
     }
 
-    /// The first field that is out of bounds: its name, what was found and what is expected.
+    /// Returns the first field that is out of bounds: its name, the value found and the values expected.
     pub fn fault(&self) -> Option<(String, String, &'static str)> {
         let WorkerOptions { command, workers, seconds, retries, rollouts } = &self.worker;
         let word = |text: &str| (1..=64).contains(&text.chars().count());
@@ -124,7 +124,7 @@ impl BackendOptions {
     }
 }
 
-/// Whether a driver by that name and with those options is not told under which program it drives.
+/// Returns `true` if a driver of that name and with those options is not told under which program it drives.
 pub(super) fn is_blind(name: &str, options: &BTreeMap<String, Value>) -> bool {
     name != DRIVER || options.get(BLIND) != Some(&Value::Bool(false))
 }

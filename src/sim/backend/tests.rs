@@ -13,7 +13,7 @@ use crate::sim::{Action, Intervention, Outcome, Plant, PlantOptions, SimulatorOp
 
 type Said = Result<Vec<u8>, Broken>;
 
-/// A worker that greets, and then says what a closure makes of each line.
+/// A worker that greets, and then answers each line by a closure.
 struct Fake<F>(F, Mutex<usize>);
 
 struct ReportedRollout<F> {
@@ -151,7 +151,7 @@ fn a_worker_is_replaced_after_as_many_rollouts_as_declared() {
     assert_eq!([None, Some(3), Some(7), Some(1)].map(started), [1, 3, 1, 7]);
 }
 
-/// What our own worker says to a request whose line was changed.
+/// Returns our own worker's answer to a request whose line was changed.
 fn served(change: impl FnOnce(&mut serde_json::Value)) -> serde_json::Value {
     let scene = crossing(4, 12, 91);
     let (plant, act, options) = (plant(&scene, PlantOptions::PHYSICAL), intercept(&scene, 5), own("physical", 0));
@@ -180,7 +180,7 @@ fn a_scene_that_breaks_a_rule_is_served_to_nobody() {
     assert!(reason.contains("breaks a rule of a sound scene") && reason.contains("length"), "{said}");
 }
 
-/// What is said when a worker answers so.
+/// Returns the error message when a worker answers so.
 fn refused(answer: impl Fn(&str, usize) -> Vec<Said> + Clone + Send + Sync + 'static) -> String {
     match rollout(&own("physical", 1), &Fake(answer, Mutex::new(0)), &crossing(3, 8, 91)) {
         Err(NoOutcome::Stop(error)) => error.to_string(),
@@ -188,7 +188,7 @@ fn refused(answer: impl Fn(&str, usize) -> Vec<Said> + Clone + Send + Sync + 'st
     }
 }
 
-/// An honest worker whose lines are changed.
+/// Returns the error message about an honest worker whose lines are changed.
 fn spoilt(change: impl Fn(String) -> String + Clone + Send + Sync + 'static) -> String {
     refused(move |line, _| {
         let said = honest(line).remove(0).unwrap();

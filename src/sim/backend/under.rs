@@ -1,4 +1,4 @@
-//! Under which program a rollout is driven: what `begin` says to a planner that is not blind.
+//! The program under which a rollout is driven, as `begin` names it to a planner that is not blind.
 
 use serde::Serialize;
 

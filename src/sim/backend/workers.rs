@@ -1,5 +1,5 @@
-//! Worker processes as they are used: started when they are needed, greeted, asked one request at a time, and asked again
-//! after a crash. How a process is started and read is somebody else's: [`Start`] and [`Line`].
+//! Worker processes at work: started when they are needed, greeted, asked one request at a time, and asked again
+//! after a crash. [`Start`] and [`Line`] start and read a process.
 
 use std::path::Path;
 use std::time::Duration;
@@ -17,14 +17,14 @@ use crate::store::shortened;
 
 /// Starts worker processes.
 pub trait Start: Sync {
-    /// A text is why there is none.
+    /// The error says in words why there is none.
     fn start(&self, command: &[String]) -> Result<Box<dyn Line>, String>;
 
-    /// The same in a folder and with these variables in its environment, and what the process writes on standard error is kept
+    /// Starts a process in a folder with these variables in its environment, and keeps what it writes on standard error
     /// for [`Line::complaint`].
     fn start_in(&self, command: &[String], folder: &Path, variables: &[(&str, &str)]) -> Result<Box<dyn Line>, String>;
 
-    /// Shows what a process printed: no record holds it. `about` says of whom and of what.
+    /// Shows what a process printed, which no record holds. `about` names the process and the occasion.
     fn show(&self, _about: &str, _printed: &str) {}
 }
 
@@ -35,12 +35,12 @@ pub trait Line: Send {
     /// The next line, without its end.
     fn receive(&mut self, limit: Duration) -> Result<Vec<u8>, Broken>;
 
-    /// A line that is there although nobody has asked for one yet.
+    /// Returns a line that is there although nobody has asked for one yet.
     fn early(&mut self) -> Option<Result<Vec<u8>, Broken>> {
         None
     }
 
-    /// The end of what it wrote on standard error, where that is kept. The process is ended for it.
+    /// Returns the end of its standard error, where that is kept. This ends the process.
     fn complaint(&mut self) -> String {
         String::new()
     }
@@ -61,7 +61,7 @@ pub enum Broken {
     Stopped,
 }
 
-/// What a worker says of itself when it starts.
+/// Greeting of a worker.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct HelloLine {
@@ -81,7 +81,7 @@ struct HelloLine {
 struct Worker {
     line: Box<dyn Line>,
     egos: Vec<String>,
-    /// Rollouts that it has answered.
+    /// Number of rollouts that it has answered.
     answered: u32,
 }
 
@@ -93,23 +93,23 @@ pub struct Workers<'a> {
 }
 
 impl<'a> Workers<'a> {
-    /// Nothing is started yet.
+    /// Creates the workers of a backend; nothing is started yet.
     pub fn new(backend: &'a BackendOptions, start: &'a dyn Start) -> Workers<'a> {
         Workers { backend, start, crew: Crew::new(backend.worker.workers) }
     }
 
-    /// Starts one that can be asked, if none waits.
+    /// Starts one that can be asked, if none is idle.
     ///
     /// # Errors
-    /// It cannot be started here, or is another one than the experiment declares.
+    /// It cannot be started here, or is not the one that the experiment declares.
     pub fn ready(&self) -> Result<(), Fault> {
         let worker = self.crew.take(|| self.greeted())?;
         self.crew.give_back(Some(worker));
         Ok(())
     }
 
-    /// Asks a worker. A crash is repaired with a new worker, as often as the experiment says, and becomes a failure of the
-    /// scene then. Whatever else goes wrong with a worker stops everything.
+    /// Asks a worker. After a crash a new worker is asked, as often as the experiment allows; then the scene counts as failed.
+    /// Any other fault of a worker stops everything.
     pub fn ask(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
         let mut left = self.backend.worker.retries;
         loop {
@@ -144,7 +144,7 @@ impl<'a> Workers<'a> {
         self.read(request, &bytes).map_err(Lost::Fault)
     }
 
-    /// An answer is judged before it is believed, so that nothing unfit is recorded.
+    /// Reads and checks an answer, so that nothing unfit is recorded.
     fn read(&self, request: &Request<'_>, bytes: &[u8]) -> Result<Answer, Fault> {
         let wrong = |expected: &str, found: String| self.fault(&place(request), expected, found, MEND);
         let line: AnswerLine = serde_json::from_slice(bytes).map_err(|error| {
@@ -172,7 +172,7 @@ impl<'a> Workers<'a> {
         Ok(answer)
     }
 
-    /// A new worker, if it is the one that the experiment declares.
+    /// Starts a new worker, and checks that it is the one that the experiment declares.
     fn greeted(&self) -> Result<Worker, Fault> {
         let options = self.backend;
         let mut line = self.start.start(&options.worker.command).map_err(|found| {
@@ -262,12 +262,12 @@ fn place(request: &Request<'_>) -> String {
     format!("its answer to request {} (scene {})", request.key.short(16), request.scene())
 }
 
-/// Characters of a failure's reason that are recorded.
+/// Most characters of a failure's reason that are recorded.
 const REASON_CHARS: usize = 200;
-/// Letters of a word that may be a key.
+/// Least letters of a word that may be a key.
 const KEY_CHARS: usize = 20;
 
-/// What is recorded of a worker's reason: its first line, in which a word that may name a folder, a user or a key is `…`.
+/// Returns the part of a worker's reason that is recorded: its first line, with `…` for words that may name a folder, a user or a key.
 fn stable(reason: &str) -> String {
     let first = reason.trim().lines().next().unwrap_or_default();
     let outside = |word: &str| {
@@ -277,7 +277,7 @@ fn stable(reason: &str) -> String {
     words.collect::<Vec<&str>>().join(" ").chars().take(REASON_CHARS).collect()
 }
 
-/// The beginning of a line, for messages.
+/// Returns the beginning of a line, for messages.
 pub(super) fn start_of(bytes: &[u8]) -> String {
     shortened(&String::from_utf8_lossy(&bytes[..bytes.len().min(200)]))
 }

@@ -1,4 +1,4 @@
-//! What is around the ego as plain arrays, for encoders of one's own: metres, seconds and radians in the ego's frame (x ahead,
+//! The ego's surroundings as plain arrays, for encoders of one's own: metres, seconds and radians in the ego's frame (x ahead,
 //! y to the left), rows of zeros where there is nobody. A row that is there begins with 1.
 
 use std::f32::consts::PI;
@@ -21,14 +21,14 @@ pub const LANES: (usize, usize) = (64, 6);
 /// Numbers in all, in this order.
 pub const LENGTH: usize = EGO + ROUTE.0 * ROUTE.1 + NEIGHBOURS.0 * NEIGHBOURS.1 + LANES.0 * LANES.1;
 
-/// Points of the route lie so far apart, metres.
+/// Distance between points of the route, metres.
 const POINT_M: f64 = 2.5;
-/// Road users farther away are left out, metres.
+/// Distance beyond which road users are left out, metres.
 const SIGHT_M: f64 = 100.0;
-/// Pieces of lanes whose middle is farther away are left out, metres.
+/// Distance beyond which pieces of lanes are left out, by their middle, metres.
 const LANE_M: f64 = 60.0;
 
-/// What is nearest, in room that is there already.
+/// The nearest items, in a buffer of fixed size.
 struct Nearest<T, const COUNT: usize> {
     kept: [Option<(f64, T)>; COUNT],
     count: usize,
@@ -39,7 +39,7 @@ impl<T: Copy, const COUNT: usize> Nearest<T, COUNT> {
         Nearest { kept: [None; COUNT], count: 0 }
     }
 
-    /// Of two that are equally near the first one comes first.
+    /// Adds an item; of two that are equally near the first one comes first.
     fn see(&mut self, squared: f64, what: T) {
         let farther = |of: &Option<(f64, T)>| of.as_ref().is_none_or(|(at, _)| squared < *at);
         if self.count == COUNT && !farther(&self.kept[COUNT - 1]) {
@@ -52,7 +52,7 @@ impl<T: Copy, const COUNT: usize> Nearest<T, COUNT> {
     }
 }
 
-/// Puts the arrays in place of what `out` holds, one behind the other.
+/// Writes the arrays to `out`, one behind the other, in place of its contents.
 pub fn observe(view: &View<'_>, out: &mut Vec<f32>) {
     out.clear();
     let (ego, route) = (view.ego(), view.route());
@@ -90,7 +90,7 @@ pub fn observe(view: &View<'_>, out: &mut Vec<f32>) {
     out.resize(LENGTH, 0.0);
 }
 
-/// Lowest and highest value of each number.
+/// Returns the lowest and highest value of each number.
 pub fn bounds() -> Vec<(f32, f32)> {
     let (any, some, unit, flag) = ((f32::NEG_INFINITY, f32::INFINITY), (0.0, f32::INFINITY), (-1.0, 1.0), (0.0, 1.0));
     let ego = [some, any, any, any, (-PI, PI), any, (-1.0, f32::INFINITY), some, some];

@@ -6,11 +6,11 @@ use super::observation::{ACTION, Setting};
 use super::weights::{Weights, WeightsError};
 use crate::kernel::linear::transposed;
 
-/// Where an actor's dictionary stands in a checkpoint that holds several: what ChatScene's fine-tuning writes, then SafeBench's own SAC
+/// Keys of an actor's dictionary in a checkpoint that holds several: as written by ChatScene's fine-tuning, then by SafeBench's own SAC
 /// and PPO. (The published weights are a pair of actor and critic.)
 pub const ACTORS: [&str; 3] = ["actor_state_dict", "policy_net", "policy"];
 
-/// How a training names an actor's two hidden layers and heads, and where its steering turns.
+/// Names of an actor's two hidden layers and heads in a training, and the direction of its steering.
 struct Layout {
     trainings: &'static str,
     layers: [&'static str; 3],
@@ -37,7 +37,7 @@ const LAYOUTS: [Layout; 3] = [
     },
 ];
 
-/// Why the tensors of a checkpoint are no ego.
+/// Reasons why the tensors of a checkpoint are no ego.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CheckpointError {
     /// An actor of another training.
@@ -55,19 +55,19 @@ pub enum CheckpointError {
         "tensor {name}: expected {expected}, found {found}; an ego has SafeBench's obs_type 0, two hidden layers, two actions"
     )]
     Shape {
-        /// Of the tensor.
+        /// Name of the tensor.
         name: String,
         /// Its shape, or that it is not there.
         found: String,
         /// The shape that fits.
         expected: String,
     },
-    /// What the weights' own rules refuse.
+    /// Weights that break the rules of weight files.
     #[error(transparent)]
     Weights(#[from] WeightsError),
 }
 
-/// The file of weights with the actor of a checkpoint; `tensors` are names, shapes and numbers of its dictionary.
+/// Returns the file of weights with the actor of a checkpoint; `tensors` are names, shapes and numbers of its dictionary.
 ///
 /// # Errors
 /// An actor of another training, of other shapes, with numbers that are not finite.
@@ -105,7 +105,7 @@ pub fn weights(tensors: &[(&str, &[usize], &[f32])]) -> Result<Vec<u8>, Checkpoi
     Ok(bytes)
 }
 
-/// A layer with so many inputs and, where that is given, outputs.
+/// Returns a layer with so many inputs and, where that is given, outputs.
 fn dense(
     tensors: &[(&str, &[usize], &[f32])],
     layer: &str,
@@ -138,7 +138,7 @@ mod tests {
 
     type Tensors = Vec<(String, Vec<usize>, Vec<f32>)>;
 
-    /// An actor of these layers, each number another one.
+    /// Makes an actor of these layers, each number another one.
     fn actor(layers: &[(&str, usize, usize)]) -> Tensors {
         let mut next = 0.0;
         let mut numbers = |count: usize| -> Vec<f32> {
@@ -170,7 +170,7 @@ mod tests {
         values
     }
 
-    /// The means as the checkpoint's own network gives them: rows are outputs.
+    /// Returns the means as the checkpoint's own network gives them: rows are outputs.
     fn by_hand(tensors: &Tensors, seen: [f32; 4]) -> Vec<f32> {
         let layer = |x: &[f32], k: usize| -> Vec<f32> {
             let (rows, bias) = (&tensors[2 * k].2, &tensors[2 * k + 1].2);

@@ -1,4 +1,4 @@
-//! What a learned driver sees and does, in the settings of the paper. `docs/EGOS.md` lists every number. A change of
+//! Observations and actions of a learned driver, in the settings of the paper. `docs/EGOS.md` lists every number. A change of
 //! any number is another [`Setting`]: weights name the one that they were trained with.
 
 use std::sync::LazyLock;
@@ -9,14 +9,14 @@ use super::four_numbers;
 use crate::kernel::{Vec2, num};
 use crate::sim::{Control, Seen, View, idm};
 
-/// What an observation and an action mean.
+/// Meaning of an observation and an action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Setting {
     /// MetaDrive's `ScenarioEnv`: ego state, navigation, distances to road edge and road users.
     #[serde(rename = "metadrive-1")]
     Metadrive1,
-    /// SafeBench's four numbers, the second with the wrong sign, the fourth of anybody on the route: what the weights `sac-safebench`
-    /// were trained with.
+    /// SafeBench's four numbers, the second with the wrong sign, the fourth for anybody on the route: the weights `sac-safebench`
+    /// were trained with these.
     #[serde(rename = "safebench-1")]
     Safebench1,
     /// SafeBench's four numbers.
@@ -32,7 +32,7 @@ const EGO: usize = 10;
 const ROUTE_M: [f64; 10] = [2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0];
 const EDGE_RAYS: usize = 12;
 const LIDAR_RAYS: usize = 24;
-/// Road users of which each is told by itself.
+/// Number of road users that are described one by one.
 const OTHERS: usize = 6;
 const EACH: usize = 10;
 
@@ -40,14 +40,14 @@ const POINT_M: f64 = 30.0;
 const EDGE_M: f64 = 30.0;
 const SIGHT_M: f64 = 50.0;
 const SPEED_MPS: f64 = 20.0;
-/// Numbers are cut here, so that no odd scene can throw a network far off.
+/// Largest size of a number: larger ones are cut, so that no odd scene can throw a network far off.
 const MOST: f64 = 3.0;
 
 impl Setting {
     /// All settings.
     pub const ALL: [Setting; 3] = [Setting::Metadrive1, Setting::Safebench1, Setting::Safebench2];
 
-    /// The name in weight files and training files.
+    /// Returns the name in weight files and training files.
     pub fn name(self) -> &'static str {
         match self {
             Setting::Metadrive1 => "metadrive-1",
@@ -56,7 +56,7 @@ impl Setting {
         }
     }
 
-    /// Numbers in an observation.
+    /// Returns the number of values in an observation.
     pub fn length(self) -> usize {
         match self {
             Setting::Metadrive1 => EGO + 2 * ROUTE_M.len() + EDGE_RAYS + LIDAR_RAYS + OTHERS * EACH,
@@ -64,7 +64,7 @@ impl Setting {
         }
     }
 
-    /// Lowest and highest value of each number.
+    /// Returns the lowest and highest value of each number.
     pub fn bounds(self) -> Vec<(f32, f32)> {
         match self {
             Setting::Metadrive1 => bounds(),
@@ -72,7 +72,7 @@ impl Setting {
         }
     }
 
-    /// Puts the observation in place of what `out` holds.
+    /// Writes the observation to `out`, in place of its contents.
     pub fn observe(self, view: &View<'_>, out: &mut Vec<f32>) {
         out.clear();
         match self {
@@ -82,7 +82,7 @@ impl Setting {
         }
     }
 
-    /// What the ego does by an action.
+    /// Returns the ego's control for an action.
     pub fn control(self, view: &View<'_>, action: [f32; ACTION]) -> Control {
         let [steering, pedal] = action.map(|a| f64::from(a).clamp(-1.0, 1.0));
         match self {
@@ -98,7 +98,7 @@ impl Setting {
     }
 }
 
-/// Of [`observe`], number by number.
+/// Returns the bounds of [`observe`], number by number.
 fn bounds() -> Vec<(f32, f32)> {
     let most = MOST as f32;
     let (any, some, unit, share) = ((-most, most), (0.0, most), (-1.0, 1.0), (0.0, 1.0));
@@ -145,7 +145,7 @@ fn observe(view: &View<'_>, out: &mut Vec<f32>) {
     }
 }
 
-/// One other road user.
+/// Returns the numbers of one other road user.
 fn each(view: &View<'_>, seen: &Seen) -> [f64; EACH] {
     let ego = view.ego();
     let (ahead, left) = in_frame(view, seen.position - ego.sample.position);
@@ -165,24 +165,24 @@ fn each(view: &View<'_>, seen: &Seen) -> [f64; EACH] {
     ]
 }
 
-/// 1 at the ego, 0 at `reach_m` and beyond: what is not there is zero.
+/// Returns 1 at the ego, 0 at `reach_m` and beyond: absent things are zero.
 fn closeness(at_m: f64, reach_m: f64) -> f64 {
     (1.0 - at_m / reach_m).clamp(0.0, 1.0)
 }
 
-/// The turn from the ego's heading to the route's at its place, (-π, π].
+/// Returns the turn from the ego's heading to the route's at its place, (-π, π].
 pub fn route_turn_rad(view: &View<'_>) -> f64 {
     let ego = view.ego();
     num::wrap_angle(view.route().heading_at(ego.along.s_m, ego.along.segment) - ego.sample.heading_rad)
 }
 
-/// A vector as the ego sees it: ahead and to the left.
+/// Returns a vector in the ego's frame: ahead and to the left.
 fn in_frame(view: &View<'_>, delta: Vec2) -> (f64, f64) {
     let axis = view.ego().axis;
     (axis.dot(delta), axis.cross(delta))
 }
 
-/// Sine and cosine of equal angles, the first 0.
+/// Returns sine and cosine of equal angles, the first 0.
 fn angles<const COUNT: usize>() -> [(f64, f64); COUNT] {
     core::array::from_fn(|i| num::sin_cos(num::TAU * i as f64 / COUNT as f64))
 }
@@ -190,12 +190,12 @@ fn angles<const COUNT: usize>() -> [(f64, f64); COUNT] {
 static EDGE_ANGLES: LazyLock<[(f64, f64); EDGE_RAYS]> = LazyLock::new(angles);
 static LIDAR_ANGLES: LazyLock<[(f64, f64); LIDAR_RAYS]> = LazyLock::new(angles);
 
-/// Unit vectors at these angles from `axis`, counter-clockwise.
+/// Returns unit vectors at these angles from `axis`, counter-clockwise.
 fn rays<const COUNT: usize>(axis: Vec2, angles: &[(f64, f64); COUNT]) -> [Vec2; COUNT] {
     angles.map(|(sine, cosine)| Vec2::new(axis.x * cosine - axis.y * sine, axis.x * sine + axis.y * cosine))
 }
 
-/// The nearest road users, nearest first; if two are equally near, the one seen first.
+/// Returns the nearest road users, nearest first; if two are equally near, the one seen first.
 fn nearest(view: &View<'_>) -> [Option<Seen>; OTHERS] {
     let own = view.ego().sample.position;
     let apart = |seen: &Seen| (seen.position - own).norm_squared();

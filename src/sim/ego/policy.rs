@@ -65,15 +65,15 @@ impl FromStr for Policy {
 }
 
 impl Policy {
-    /// The names that say all.
+    /// The names that need no further data.
     pub const NAMES: [&str; 5] = ["idm", "idm-lights", "pdm", "frenet", "replay"];
 
-    /// The policy `learned` with the bytes of a file of weights.
+    /// Returns the policy `learned` with the bytes of a file of weights.
     pub fn learned(bytes: &[u8]) -> Result<Policy, WeightsError> {
         Weights::from_bytes(bytes).map(Policy::Learned)
     }
 
-    /// The name in experiment files and keys.
+    /// Returns the name in experiment files and keys.
     pub fn name(&self) -> &str {
         match self {
             Policy::Idm => "idm",
@@ -87,7 +87,7 @@ impl Policy {
         }
     }
 
-    /// What goes into a rollout's key: the policy's name and, where it has them, its weights or its program.
+    /// Returns the digest that goes into a rollout's key: of the policy's name and, where it has them, its weights or its program.
     pub fn digest(&self) -> Digest {
         let weights = match self {
             Policy::Learned(weights) => weights.digest.to_hex(),
@@ -99,7 +99,7 @@ impl Policy {
         Digest::of_bytes(format!("evodrive/ego/1 {} {weights}", self.name()).as_bytes())
     }
 
-    /// A driver, ready for a rollout. For a program of the experimenter's own IDM stands in: searches ask thousands of times
+    /// Returns a driver, ready for a rollout. IDM stands in for a program of the experimenter's own: searches ask thousands of times
     /// what the ego would do. No label comes from it, because a backend refuses that ego without its program.
     pub fn driver(&self) -> Box<dyn Driver> {
         match self {

@@ -12,28 +12,28 @@ use crate::kernel::linear::transposed;
 
 /// The key of our line in a file's header.
 const KEY: &str = "evodrive";
-/// Hidden layers may be this wide.
+/// Largest width of a hidden layer.
 const WIDTH_MAX: usize = 1024;
 
 /// Frozen weights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Weights {
-    /// What they observe and do.
+    /// Meaning of observations and actions.
     pub setting: Setting,
-    /// What lies between the layers, and behind the last one.
+    /// Functions between the layers, and behind the last one.
     pub form: Form,
     /// Means, then logarithms of standard deviations.
     pub actor: Arc<Mlp>,
-    /// Of the file's bytes.
+    /// Digest of the file's bytes.
     pub digest: Digest,
 }
 
-/// How an actor's numbers become an action. What our own trainings give is the default, and a file then says nothing of it.
+/// Functions that turn an actor's numbers into an action. Our own trainings use the default, which a file does not mention.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Form {
-    /// Between the layers.
+    /// Function between the layers.
     pub activation: Activation,
-    /// From the means to an action.
+    /// Function from the means to an action.
     pub squash: Squash,
 }
 
@@ -48,18 +48,18 @@ pub enum Activation {
     Tanh,
 }
 
-/// From a mean to an action in [-1, 1].
+/// A function from a mean to an action in [-1, 1].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Squash {
-    /// The hyperbolic tangent, as of soft actor-critic.
+    /// The hyperbolic tangent, as in soft actor-critic.
     #[default]
     Tanh,
-    /// Cut off, as of PPO.
+    /// Cut off, as in PPO.
     Clip,
 }
 
-/// What our line in the header says.
+/// Our line in the header.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Header {
@@ -81,11 +81,11 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
      one of your own with evodrive.gym.save_policy (docs/FORMAT.md)"
 )]
 pub struct WeightsError {
-    /// Where in the file.
+    /// Place in the file.
     pub layer: String,
-    /// What stands there.
+    /// Content found there.
     pub found: String,
-    /// What should.
+    /// Content expected.
     pub expected: String,
 }
 
@@ -119,7 +119,7 @@ impl Weights {
         Ok(Weights { setting, form, actor, digest: Digest::of_bytes(bytes) })
     }
 
-    /// The bytes of a file with an actor of two hidden layers.
+    /// Returns the bytes of a file with an actor of two hidden layers.
     ///
     /// # Errors
     /// An actor of another form.
@@ -127,7 +127,7 @@ impl Weights {
         Weights::to_bytes_as(setting, actor, Form::default())
     }
 
-    /// A form by the names of its parts.
+    /// Returns a form by the names of its parts.
     ///
     /// # Errors
     /// A name that no part has.
@@ -146,10 +146,10 @@ impl Weights {
         Ok(Form { activation, squash })
     }
 
-    /// [`Weights::to_bytes`] of an actor that was trained elsewhere.
+    /// Does the same as [`Weights::to_bytes`] for an actor that was trained elsewhere.
     ///
     /// # Errors
-    /// What [`Weights::from_bytes`] would refuse.
+    /// An actor that [`Weights::from_bytes`] would refuse.
     pub fn to_bytes_as(setting: Setting, actor: &Mlp, form: Form) -> Result<Vec<u8>, WeightsError> {
         let [first, second, both] = check(setting, actor)?;
         let heads = apart(both);
@@ -177,7 +177,7 @@ impl Weights {
     }
 }
 
-/// The layers of an actor that a file can hold and a car be driven with: what is written is held to the rules by which it is read.
+/// Returns the layers of an actor that a file can hold and that can drive a car: the rules for reading hold for writing, too.
 fn check(setting: Setting, actor: &Mlp) -> Result<[&Dense; 3], WeightsError> {
     let [first, second, heads] = &actor.layers[..] else {
         return Err(WeightsError::new("actor", format!("{} layers", actor.layers.len()), "3 layers"));
@@ -208,7 +208,7 @@ fn check(setting: Setting, actor: &Mlp) -> Result<[&Dense; 3], WeightsError> {
     Ok([first, second, heads])
 }
 
-/// Outputs that a hidden layer may have.
+/// Returns the outputs of a hidden layer, if it may have so many.
 fn check_width(layer: &str, hidden: usize) -> Result<usize, WeightsError> {
     if (1..=WIDTH_MAX).contains(&hidden) {
         Ok(hidden)
@@ -217,12 +217,12 @@ fn check_width(layer: &str, hidden: usize) -> Result<usize, WeightsError> {
     }
 }
 
-/// Numbers as they lie in a file.
+/// Returns numbers as they lie in a file.
 pub fn bytes_of(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|x| x.to_le_bytes()).collect()
 }
 
-/// Numbers of a tensor of this shape; all must be finite.
+/// Returns the numbers of a tensor of this shape; all must be finite.
 pub fn floats(file: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f32>, WeightsError> {
     let expected = format!("f32 numbers of shape {shape:?}");
     let view = file.tensor(name).map_err(|_| WeightsError::new(name, "nothing", &expected))?;
@@ -250,7 +250,7 @@ fn header(bytes: &[u8]) -> Result<(Setting, Form), WeightsError> {
     Ok((setting, Form { activation: read.activation, squash: read.squash }))
 }
 
-/// Outputs of a hidden layer in a file.
+/// Returns the number of outputs of a hidden layer in a file.
 fn width(file: &SafeTensors<'_>, layer: &str) -> Result<usize, WeightsError> {
     let bias = file.tensor(&format!("{layer}.bias"));
     check_width(layer, bias.map_or(0, |view| view.shape().first().copied().unwrap_or(0)))
@@ -262,7 +262,7 @@ fn layer(file: &SafeTensors<'_>, name: &str, inputs: usize, outputs: usize) -> R
     Ok(Dense { inputs, outputs, weights: transposed(&weights, inputs), bias })
 }
 
-/// Two layers over the same inputs as one.
+/// Joins two layers over the same inputs into one.
 fn beside([first, second]: &[Dense; 2]) -> Dense {
     let rows = first.weights.chunks_exact(first.outputs).zip(second.weights.chunks_exact(second.outputs));
     Dense {
@@ -273,7 +273,7 @@ fn beside([first, second]: &[Dense; 2]) -> Dense {
     }
 }
 
-/// The halves of a layer by its outputs.
+/// Splits a layer into halves by its outputs.
 fn apart(both: &Dense) -> [Dense; 2] {
     let half = both.outputs / 2;
     [0, half].map(|from| Dense {

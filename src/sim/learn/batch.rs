@@ -3,7 +3,7 @@
 use crate::ego::network::{Dense, Mlp};
 use crate::kernel::linear::{Product, transposed};
 
-/// What a forward pass leaves for the way back: the input of every layer, and the output of the last. Reused.
+/// Data of a forward pass for the way back: the input of every layer, and the output of the last. Reused.
 #[derive(Clone, Debug, Default)]
 pub struct Pass {
     /// `activations[l]` is the input of layer `l`, rows of the batch one behind the other; the last is the output.
@@ -12,7 +12,7 @@ pub struct Pass {
 }
 
 impl Pass {
-    /// The network's output for a batch of inputs (rows one behind the other).
+    /// Returns the network's output for a batch of inputs (rows one behind the other).
     pub fn forward(&mut self, network: &Mlp, input: &[f32]) -> &[f32] {
         let count = input.len() / network.inputs().max(1);
         self.activations.resize(network.layers.len() + 1, Vec::new());
@@ -47,7 +47,7 @@ impl Pass {
         }
     }
 
-    /// The loss's gradient by the last `count` numbers of the input, given that by the output.
+    /// Returns the loss's gradient by the last `count` numbers of the input, given that by the output.
     pub fn backward_to_input(&mut self, network: &Mlp, by_output: &[f32], count: usize) -> Vec<f32> {
         let mut by_output = by_output.to_vec();
         for l in (1..network.layers.len()).rev() {
@@ -61,7 +61,7 @@ impl Pass {
         by_input
     }
 
-    /// The gradient by the input of a layer, zero where its ReLU was shut.
+    /// Returns the gradient by the input of a layer, zero where its ReLU was shut.
     fn through(&mut self, layer: &Dense, l: usize, by_output: &[f32]) -> Vec<f32> {
         let input = &self.activations[l];
         let mut by_input = vec![0.0; input.len()];
@@ -76,7 +76,7 @@ impl Pass {
     }
 }
 
-/// A network of zeros in the shape of another, for its gradients.
+/// Returns a network of zeros in the shape of another, for its gradients.
 pub fn zeros_like(network: &Mlp) -> Mlp {
     Mlp { layers: network.layers.iter().map(|layer| Dense::zeros(layer.inputs, layer.outputs)).collect() }
 }
@@ -87,7 +87,7 @@ mod tests {
     use crate::kernel::{Seed, num};
     use crate::learn::init::drawn;
 
-    /// A loss that looks at every output: the mean of weighted outputs and their squares.
+    /// Returns a loss that depends on every output: the mean of weighted outputs and their squares.
     fn loss(output: &[f32]) -> f64 {
         num::sum(output.iter().enumerate().map(|(i, &x)| {
             let x = f64::from(x);

@@ -1,5 +1,5 @@
 //! A training as bytes between two rounds: safetensors with every network, moment and remembered state, and one line of
-//! JSON with the rest. What was read goes on as if nothing had been.
+//! JSON with the rest. A training that was read back goes on as if it had not been interrupted.
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! One rollout for learning: who explores writes down what it saw, did and got.
+//! One rollout for learning: the exploring ego writes down its observations, actions and rewards.
 
 use crate::ego::Setting;
 use crate::ego::network::Mlp;

@@ -1,4 +1,4 @@
-//! What is driven for learning, and for comparing: a scene with what others do to the ego there.
+//! A lesson for learning, and for comparing: a scene with what others do to the ego there.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ pub struct Lesson {
 }
 
 impl Lesson {
-    /// A scene as it is.
+    /// Makes a lesson of a scene as it is.
     pub fn plain(plant: Arc<Plant>) -> Lesson {
         Lesson { plant, intervention: Intervention::default() }
     }

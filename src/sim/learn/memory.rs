@@ -6,14 +6,14 @@ use crate::kernel::Stream;
 
 use super::sac::Batch;
 
-/// The rows of one rollout: a state more than there are actions.
+/// The rows of one rollout: one more state than actions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Episode {
     /// Observations, one behind the other.
     pub observations: Vec<f32>,
     pub actions: Vec<[f32; ACTION]>,
     pub rewards: Vec<f32>,
-    /// Whether nothing follows the last state; a time limit is no end.
+    /// True if nothing follows the last state; a time limit is no end.
     pub is_terminal: bool,
 }
 
@@ -22,21 +22,21 @@ pub struct Episode {
 pub struct Memory {
     /// Numbers in an observation.
     pub width: usize,
-    /// Rows that it holds at most.
+    /// Most rows that it holds.
     pub capacity: usize,
-    /// The row that is written next, once it is full.
+    /// Row that is written next, once it is full.
     pub next: usize,
     pub observations: Vec<f32>,
-    /// What was done in a row's state, the reward of that, and 1 where nothing follows the next row.
+    /// The action in a row's state, its reward, and 1 where nothing follows the next row.
     pub actions: Vec<f32>,
     pub rewards: Vec<f32>,
     pub terminals: Vec<f32>,
-    /// 1 where a row is an episode's last state, so that nothing was done in it.
+    /// 1 where a row is an episode's last state, so that it has no action.
     pub lasts: Vec<f32>,
 }
 
 impl Memory {
-    /// An empty memory for observations of this length.
+    /// Makes an empty memory for observations of this length.
     pub fn new(width: usize, capacity: usize) -> Memory {
         Memory {
             width,
@@ -50,12 +50,12 @@ impl Memory {
         }
     }
 
-    /// Rows that it holds.
+    /// Returns the number of rows that it holds.
     pub fn len(&self) -> usize {
         self.rewards.len()
     }
 
-    /// Whether it holds nothing.
+    /// Returns `true` if it holds nothing.
     pub fn is_empty(&self) -> bool {
         self.rewards.is_empty()
     }
@@ -112,7 +112,7 @@ impl Memory {
         (batch.noise, batch.next_noise) = (noise(), noise());
     }
 
-    /// A row in which something was done. Its next row is the next state: an episode is written whole, and its last row
+    /// Draws a row that has an action. Its next row is the next state: an episode is written whole, and its last row
     /// is a last one, so no transition reaches over the place that is written next.
     fn drawn(&self, stream: &mut Stream) -> usize {
         loop {
@@ -129,7 +129,7 @@ mod tests {
     use super::*;
     use crate::kernel::Seed;
 
-    /// An episode whose observations tell its number and the state's.
+    /// Makes an episode whose observations hold its number and the state's.
     fn episode(number: usize, steps: usize, is_terminal: bool) -> Episode {
         Episode {
             observations: (0..=steps).flat_map(|i| [number as f32, i as f32]).collect(),

@@ -1,4 +1,4 @@
-//! What a training is, besides its scenes.
+//! The options of a training, besides its scenes.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,20 +14,20 @@ pub struct TrainingOptions {
     pub seed: u64,
     /// Observation and action.
     pub setting: Setting,
-    /// Updates in all.
+    /// Number of updates in all.
     pub updates: u64,
-    /// Steps of the simulator an update.
+    /// Simulator steps for each update.
     pub steps_per_update: u64,
-    /// Steps driven by actions drawn evenly, before the first update.
+    /// Number of steps driven by actions drawn evenly, before the first update.
     pub steps_before: u64,
-    /// Rollouts that are driven by one actor before it is updated, side by side.
+    /// Number of rollouts that are driven by one actor before it is updated, side by side.
     pub episodes_per_round: usize,
-    /// States that the replay buffer holds.
+    /// Number of states that the replay buffer holds.
     pub buffer: usize,
-    /// Updates between two evaluations on the validation scenes.
+    /// Number of updates between two evaluations on the validation scenes.
     pub evaluate_every: u64,
-    /// Of the evaluated actors that one is kept which completes most of its routes among those that crash no more than this
-    /// and complete at least `route_completion_min`: who stands still hardly crashes, and drives nowhere.
+    /// Highest crash rate of an actor that is kept. Among those not above it and with a route completion of at least `route_completion_min`,
+    /// the one that completes most of its routes is kept: an ego that stands still hardly crashes, and drives nowhere.
     pub crash_rate_max: f64,
     pub route_completion_min: f64,
     /// Share of the actor in its average an update: the average is evaluated and kept, the actor itself explores (Polyak and
@@ -42,7 +42,7 @@ pub struct TrainingOptions {
     pub reward: Reward,
 }
 
-/// An option that nothing can be trained with.
+/// An option with which nothing can be trained.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("training.{place} is {found}, expected {expected}; correct the training file")]
 pub struct TrainingOptionsError {
@@ -52,14 +52,14 @@ pub struct TrainingOptionsError {
 }
 
 impl TrainingOptions {
-    /// The learning rate of the update behind so many others.
+    /// Returns the learning rate of the update after so many others.
     pub fn learning_rate(&self, updates: u64) -> f64 {
         let first = self.sac.learning_rate;
         let share = updates as f64 / self.updates.max(1) as f64;
         self.learning_rate_last.map_or(first, |last| first + (last - first) * share)
     }
 
-    /// The first option that nothing can be trained with.
+    /// Checks the options, and fails with the first one with which nothing can be trained.
     pub fn check(&self) -> Result<(), TrainingOptionsError> {
         let refuse = |place: &str, found: String, expected: String| {
             Err(TrainingOptionsError { place: place.to_string(), found, expected })

@@ -1,4 +1,4 @@
-//! What a step of driving is worth, by the rules of the two settings. Every constant stands in the training file.
+//! Rewards of a step of driving, by the rules of the two settings. Every constant stands in the training file.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,7 +9,7 @@ use crate::sim::End;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "rule", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Reward {
-    /// MetaDrive's `ScenarioEnv.reward_function` (0.4.3). Contact with a solid line is not looked at.
+    /// MetaDrive's `ScenarioEnv.reward_function` (0.4.3). Contact with a solid line is ignored.
     Metadrive {
         /// Reward of a metre along the route. 1 there.
         driving: f64,
@@ -21,7 +21,7 @@ pub enum Reward {
         heading: f64,
         /// Share of the penalty of steering more than 1/speed. 0.5.
         steering: f64,
-        /// Whether the sum of the above is at least 0. True.
+        /// True if the sum of the above is at least 0. True there.
         no_negative: bool,
         /// Reward of a step with a contact, in place of all the above, negated. 1.
         crash: f64,
@@ -52,7 +52,7 @@ pub enum Reward {
 }
 
 impl Reward {
-    /// MetaDrive's own constants, but for the penalty of a contact, which is 1 there: contact ends an episode here.
+    /// Returns MetaDrive's own constants, but for the penalty of a contact, which is 1 there: contact ends an episode here.
     pub const fn metadrive(crash: f64) -> Reward {
         Reward::Metadrive {
             driving: 1.0,
@@ -68,25 +68,25 @@ impl Reward {
     }
 }
 
-/// What a step did.
+/// Results of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Step {
-    /// Along the route, metres.
+    /// Progress along the route, metres.
     pub progress_m: f64,
-    /// After the step: distance from the route, metres.
+    /// Distance from the route after the step, metres.
     pub offset_m: f64,
-    /// After the step: turn from the heading to the route's, radians.
+    /// Turn from the heading to the route's after the step, radians.
     pub turn_rad: f64,
-    /// After the step, m/s.
+    /// Speed after the step, m/s.
     pub speed_mps: f64,
-    /// After the step: speed along the route, m/s.
+    /// Speed along the route after the step, m/s.
     pub along_mps: f64,
-    /// The steering of the action, in [-1, 1].
+    /// Steering of the action, in [-1, 1].
     pub steering: f64,
 }
 
 impl Reward {
-    /// What the step is worth; `end` says how the rollout ended with it, if it did.
+    /// Returns the reward of the step; `end` is the end of the rollout, if it ended with the step.
     pub fn of(&self, step: &Step, end: Option<End>) -> f64 {
         match *self {
             Reward::Metadrive {
@@ -134,7 +134,7 @@ impl Reward {
         }
     }
 
-    /// Its constants by name; all must be finite.
+    /// Returns its constants by name; all must be finite.
     pub fn constants(&self) -> Vec<(&'static str, f64)> {
         match *self {
             Reward::Metadrive {

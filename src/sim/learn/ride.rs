@@ -1,4 +1,4 @@
-//! An episode as a learner sees it: what it observes and does in a setting, and what each step is worth.
+//! An episode as a learner sees it: its observations and actions in a setting, and the reward of each step.
 
 use crate::ego::Setting;
 use crate::ego::observation::{ACTION, route_turn_rad};
@@ -6,7 +6,7 @@ use crate::sim::{Control, End, Episode, Held, Intervention, Plant, SimError, Vie
 
 use super::reward::{Reward, Step};
 
-/// What a ride remembers of itself.
+/// Data that a ride keeps of itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Keeps {
     /// [`Episode::controls`].
@@ -24,7 +24,7 @@ pub struct Ride<'a> {
 }
 
 impl<'a> Ride<'a> {
-    /// Its first state. Nothing is summed up.
+    /// Begins at its first state. Nothing is summed up.
     pub fn new(
         plant: impl Into<Held<'a, Plant>>,
         intervention: impl Into<Held<'a, Intervention>>,
@@ -42,22 +42,22 @@ impl<'a> Ride<'a> {
         Ok(Ride { episode, setting, last_s_m })
     }
 
-    /// The episode behind it.
+    /// Returns the episode behind it.
     pub fn episode(&self) -> &Episode<'a> {
         &self.episode
     }
 
-    /// What a driver would see now.
+    /// Returns the present view of a driver.
     pub fn view(&self) -> View<'_> {
         self.episode.observe()
     }
 
-    /// Puts the setting's observation in place of what `out` holds.
+    /// Writes the setting's observation to `out`, in place of its contents.
     pub fn observe(&self, out: &mut Vec<f32>) {
         self.setting.observe(&self.view(), out);
     }
 
-    /// Carries an action out: what the step was worth, and how the episode ended if it did.
+    /// Carries an action out, and returns the reward of the step, and the end if the episode ended.
     pub fn step(&mut self, action: [f32; ACTION], reward: &Reward) -> Result<(f64, Option<End>), SimError> {
         let control: Control = self.setting.control(&self.view(), action);
         let end = self.episode.step(control)?;

@@ -16,19 +16,19 @@ const LOG_STD: (f32, f32) = (-20.0, 2.0);
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SacOptions {
-    /// Adam's, for actor, critics and temperature. Stable-Baselines3: 3e-4.
+    /// Learning rate of Adam for actor, critics and temperature. Stable-Baselines3: 3e-4.
     pub learning_rate: f64,
     /// Discount of a step. 0.99.
     pub gamma: f64,
     /// Share of the critics in their averages an update. 0.005.
     pub tau: f64,
-    /// Transitions an update. 256.
+    /// Number of transitions in an update. 256.
     pub batch: usize,
     /// Widths of the two hidden layers of actor and critics. Stable-Baselines3: 256.
     pub hidden: usize,
     /// The temperature at the beginning. 1.
     pub temperature_first: f64,
-    /// The entropy that the temperature is steered to. -(numbers of an action).
+    /// Entropy to which the temperature is steered. -(numbers of an action).
     pub target_entropy: f64,
 }
 
@@ -41,7 +41,7 @@ pub struct Sac {
     pub critics: [Mlp; 2],
     pub targets: [Mlp; 2],
     pub actor_adam: Adam,
-    /// Of both critics together.
+    /// Adam of both critics together.
     pub critics_adam: Adam,
     pub log_temperature: f32,
     pub temperature_adam: Adam,
@@ -57,12 +57,12 @@ pub struct Batch {
     pub next_observations: Vec<f32>,
     /// 1 where nothing follows, else 0. A time limit is no end.
     pub terminals: Vec<f32>,
-    /// Standard normal, shaped as the actions: for the actor at the observations and at the next ones.
+    /// Standard normal numbers, shaped as the actions: for the actor at the observations and at the next ones.
     pub noise: Vec<f32>,
     pub next_noise: Vec<f32>,
 }
 
-/// What an update saw.
+/// Results of an update.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Losses {
     pub critic: f64,
@@ -85,13 +85,13 @@ struct Drawn {
     actions: Vec<f32>,
     /// ln π of each row.
     log_probability: Vec<f32>,
-    /// σ of each number, and whether its logarithm lies within the bounds.
+    /// σ of each number, and true if its logarithm lies within the bounds.
     deviation: Vec<f32>,
     is_free: Vec<bool>,
 }
 
 impl Sac {
-    /// A learner for observations and actions of these lengths.
+    /// Makes a learner for observations and actions of these lengths.
     pub fn new(options: SacOptions, observation: usize, action: usize, stream: &mut Stream) -> Sac {
         let hidden = options.hidden;
         let actor = init::drawn(&[observation, hidden, hidden, 2 * action], stream);
@@ -99,7 +99,7 @@ impl Sac {
         Sac::of(options, actor, critics)
     }
 
-    /// A learner that begins with these networks.
+    /// Makes a learner that begins with these networks.
     pub fn of(options: SacOptions, actor: Mlp, critics: [Mlp; 2]) -> Sac {
         let temperature = vec![num::ln(options.temperature_first) as f32];
         Sac {
@@ -114,7 +114,7 @@ impl Sac {
         }
     }
 
-    /// One update at this learning rate.
+    /// Makes one update at this learning rate.
     pub fn update(&mut self, batch: &Batch, rate: f64, room: &mut Room) -> Losses {
         let count = batch.rewards.len().max(1) as f32;
         let drawn = draw(self.actor.outputs() / 2, room.actor.forward(&self.actor, &batch.observations), &batch.noise);
@@ -136,7 +136,7 @@ impl Sac {
         self.log_temperature = value[0][0];
     }
 
-    /// What the critics should have said: reward, and the discounted value of what follows.
+    /// Returns the critics' targets: reward, and the discounted value of the next state.
     fn wanted(&self, batch: &Batch, temperature: f32, pass: &mut Pass) -> Vec<f32> {
         let heads = pass.forward(&self.actor, &batch.next_observations);
         let next = draw(self.actor.outputs() / 2, heads, &batch.next_noise);
@@ -149,7 +149,7 @@ impl Sac {
         (0..least.len()).map(|i| batch.rewards[i] + (1.0 - batch.terminals[i]) * gamma * value(i)).collect()
     }
 
-    /// Half the sum of both critics' mean squared errors, and a step against it.
+    /// Returns half the sum of both critics' mean squared errors, and makes a step against it.
     fn step_critics(&mut self, batch: &Batch, wanted: &[f32], rate: f64, room: &mut Room) -> f64 {
         let rows = joined(&batch.observations, &batch.actions, wanted.len());
         let count = wanted.len().max(1) as f32;
@@ -166,7 +166,7 @@ impl Sac {
         loss
     }
 
-    /// The mean of α ln π - min Q at the actor's own actions, and a step against it.
+    /// Returns the mean of α ln π - min Q at the actor's own actions, and makes a step against it.
     fn step_actor(&mut self, batch: &Batch, drawn: &Drawn, temperature: f32, rate: f64, room: &mut Room) -> f64 {
         let rows = joined(&batch.observations, &drawn.actions, batch.rewards.len());
         let count = batch.rewards.len().max(1) as f32;
@@ -175,7 +175,7 @@ impl Sac {
         let logs = drawn.log_probability.iter().map(|l| f64::from(temperature) * f64::from(*l));
         let loss = num::sum(logs.zip(least).map(|(l, q)| l - q)) / f64::from(count);
         let numbers = self.actor.outputs() / 2;
-        // Each row's gradient runs through the critic that says less.
+        // Each row's gradient runs through the critic with the lower value.
         let mut by_action = vec![0.0; drawn.actions.len()];
         for (i, chosen) in [0, 1].into_iter().zip([true, false]) {
             let mark = |(a, b): (&f32, &f32)| if (a <= b) == chosen { -1.0 / count } else { 0.0 };
@@ -200,7 +200,7 @@ impl Sac {
 }
 
 impl Drawn {
-    /// The loss's gradient by the actor's heads, given that by the actions and the share of ln π in the loss.
+    /// Returns the loss's gradient by the actor's heads, given that by the actions and the share of ln π in the loss.
     fn by_heads(&self, by_action: &[f32], noise: &[f32], log_share: f32, numbers: usize) -> Vec<f32> {
         let mut heads = vec![0.0; 2 * self.actions.len()];
         for (i, (&a, &slope)) in self.actions.iter().zip(by_action).enumerate() {
@@ -216,7 +216,7 @@ impl Drawn {
     }
 }
 
-/// Actions tanh(μ + σ ε) with their log densities. The squash's correction is taken as 2 (ln 2 - u - softplus(-2 u)),
+/// Draws actions tanh(μ + σ ε) with their log densities. The squash's correction is taken as 2 (ln 2 - u - softplus(-2 u)),
 /// which stays finite where 1 - tanh² is rounded to zero; Stable-Baselines3 adds 1e-6 there instead.
 fn draw(numbers: usize, heads: &[f32], noise: &[f32]) -> Drawn {
     let mut drawn = Drawn { actions: vec![], log_probability: vec![], deviation: vec![], is_free: vec![] };
@@ -238,13 +238,13 @@ fn draw(numbers: usize, heads: &[f32], noise: &[f32]) -> Drawn {
     drawn
 }
 
-/// ln(1 - tanh²(u)).
+/// Returns ln(1 - tanh²(u)).
 fn squash_correction(u: f64) -> f64 {
     let softplus = (-2.0 * u).max(0.0) + num::ln(1.0 + num::exp(-2.0 * u.abs()));
     2.0 * (num::ln(2.0) - u - softplus)
 }
 
-/// Rows of observations with rows of actions behind them.
+/// Returns rows of observations with rows of actions behind them.
 fn joined(observations: &[f32], actions: &[f32], count: usize) -> Vec<f32> {
     let (long, short) = (observations.len() / count.max(1), actions.len() / count.max(1));
     let mut rows = Vec::with_capacity(observations.len() + actions.len());
@@ -259,7 +259,7 @@ fn sum(values: &[f32]) -> f32 {
     num::sum(values.iter().map(|x| f64::from(*x))) as f32
 }
 
-/// An action drawn for one observation: tanh of the Gaussian, as training explores.
+/// Draws an action for one observation: tanh of the Gaussian, as training explores.
 pub fn explore(actor: &Mlp, values: &mut Vec<f32>, spare: &mut Vec<f32>, stream: &mut Stream) {
     actor.apply(values, spare);
     let numbers = actor.outputs() / 2;
@@ -273,7 +273,7 @@ pub fn explore(actor: &Mlp, values: &mut Vec<f32>, spare: &mut Vec<f32>, stream:
 mod tests {
     use super::*;
 
-    /// The actor's loss of one row, where the critics' minimum is a plain function of the action.
+    /// Returns the actor's loss of one row, where the critics' minimum is a plain function of the action.
     fn loss(heads: &[f32], noise: &[f32], temperature: f64) -> f64 {
         let drawn = draw(2, heads, noise);
         let q: f64 = drawn.actions.iter().map(|a| f64::from(*a)).map(|a| a - 0.5 * a * a).sum();

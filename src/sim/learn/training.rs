@@ -18,7 +18,7 @@ use crate::sim::{End, SimError};
 use super::options::TrainingOptionsError;
 use crate::ego::observation::ACTION;
 
-/// Where one trains.
+/// Scenes and threads of a training.
 pub struct Grounds<'a> {
     /// Scenes that are driven for learning.
     pub training: &'a [Lesson],
@@ -38,7 +38,7 @@ pub enum TrainingError {
     Weights(#[from] WeightsError),
     #[error("the pool holds no {0} scene; name a pool with some in the training file")]
     NoScene(&'static str),
-    /// Weights left the numbers that can be reckoned with.
+    /// Weights that are no longer finite.
     #[error("after {updates} updates the losses are not finite; lower sac.learning_rate")]
     Diverged { updates: u64 },
 }
@@ -64,29 +64,29 @@ pub struct Training {
     pub steps: u64,
     pub updates: u64,
     pub curve: Vec<Point>,
-    /// The average of the actors so far, where the options ask for one.
+    /// Average of the actors so far, where the options ask for one.
     pub average: Option<Mlp>,
-    /// The actor that is kept so far, and its place in the curve.
+    /// The actor that is kept so far, and its index in the curve.
     pub best: Option<(usize, Mlp)>,
 }
 
-/// What a round did.
+/// Results of a round.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct News {
     /// Mean sum of rewards of its episodes.
     pub mean_return: f64,
     pub crash_rate: f64,
     pub route_completion: f64,
-    /// Of its last update.
+    /// Losses of its last update.
     pub losses: Losses,
-    /// Whether an evaluation is due behind it.
+    /// True if an evaluation is due after it.
     pub is_due: bool,
-    /// That evaluation, where the round made it.
+    /// That evaluation, if the round made it.
     pub evaluated: Option<Trial>,
 }
 
 impl Training {
-    /// A training before its first round.
+    /// Makes a training before its first round.
     pub fn new(options: TrainingOptions) -> Result<Training, TrainingError> {
         options.check()?;
         let width = options.setting.length();
@@ -97,12 +97,12 @@ impl Training {
         Ok(Training { options, sac, memory, rounds, episodes, steps, updates, curve: vec![], average, best: None })
     }
 
-    /// Whether all updates are made.
+    /// Returns `true` if all updates are made.
     pub fn is_over(&self) -> bool {
         self.updates >= self.options.updates
     }
 
-    /// One round, with the evaluation that is due behind it.
+    /// Does one round, with the evaluation that is due after it.
     pub fn round(&mut self, grounds: &Grounds<'_>) -> Result<News, TrainingError> {
         let mut news = self.advance(grounds.training, grounds.threads)?;
         if news.is_due {
@@ -111,7 +111,7 @@ impl Training {
         Ok(news)
     }
 
-    /// One round without an evaluation: for who evaluates otherwise, or not at all. No actor is kept but the present one.
+    /// Does one round without an evaluation: for callers that evaluate in another way, or not at all. Only the present actor is kept.
     pub fn advance(&mut self, lessons: &[Lesson], threads: &Threads) -> Result<News, TrainingError> {
         let driven = self.drive(lessons, threads)?;
         self.rounds += 1;
@@ -149,7 +149,7 @@ impl Training {
         Ok(driven.into_iter().collect::<Result<Vec<_>, SimError>>()?)
     }
 
-    /// The updates that the steps so far pay for.
+    /// Makes the updates that the steps so far pay for.
     fn learn(&mut self) -> Result<Losses, TrainingError> {
         let paid = self.steps.saturating_sub(self.options.steps_before) / self.options.steps_per_update;
         let due = paid.min(self.options.updates).saturating_sub(self.updates);
@@ -177,7 +177,7 @@ impl Training {
         }
     }
 
-    /// The actor as it would be handed out now.
+    /// Returns the actor as it would be handed out now.
     pub fn present(&self) -> &Mlp {
         self.average.as_ref().unwrap_or(&self.sac.actor)
     }
@@ -199,18 +199,18 @@ impl Training {
         Ok(validated)
     }
 
-    /// The weights that the training gives: those of the best evaluated actor, or of the present one before any evaluation.
+    /// Returns the weights that the training gives: those of the best evaluated actor, or of the present one before any evaluation.
     pub fn weights(&self) -> Result<Vec<u8>, WeightsError> {
         Weights::to_bytes(self.options.setting, self.best.as_ref().map_or(self.present(), |(_, actor)| actor))
     }
 }
 
-/// What the actor behind so many updates counts in the average: evenly at first, `share` later.
+/// Returns the weight in the average of the actor after so many updates: evenly at first, `share` later.
 fn share_of(share: f64, updates: u64) -> f32 {
     share.max(1.0 / updates.max(1) as f64) as f32
 }
 
-/// Actors that crash no more and drive no less than the options say come before all others, by route completion; the others
+/// Ranks actors. Those that crash no more and drive no less than the options say come first, by route completion; the others
 /// by route completion less crash rate. Among equals the earlier one is kept.
 fn rank(trial: &Trial, crash_rate_max: f64, route_completion_min: f64) -> (bool, f64) {
     let is_fit = trial.crash_rate <= crash_rate_max && trial.route_completion >= route_completion_min;

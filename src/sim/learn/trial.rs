@@ -24,8 +24,8 @@ pub struct Trial {
     pub speed_mps: f64,
 }
 
-/// Brakes and stands. Who drives nowhere crashes little: a trained ego is worth its crash rate only beside this one's, and beside
-/// the way that it drives.
+/// A driver that brakes and stands. A standing ego crashes little: a trained ego's crash rate only means something beside this one's, and
+/// beside the way that it drives.
 #[derive(Clone, Copy, Debug)]
 pub struct Stopped;
 

@@ -1,10 +1,10 @@
-//! The time line of a contact in words: how long before it the threat was seen, what the driver did, until when each manoeuvre would have
-//! helped. Times of words count back from the contact.
+//! The time line of a contact in words: the time before it at which the threat was seen, the driver's reaction, the last moment at which
+//! each manoeuvre would have helped. Times in words count back from the contact.
 
 use super::{Chance, ContactClass, Manoeuvre, Reacted, Side, Timeline};
 use crate::kernel::num;
 
-/// The manner of a contact, and whence the other came.
+/// Describes the manner of a contact, and the side from which the other came.
 pub fn manner(class: ContactClass, timeline: Option<&Timeline>) -> String {
     let side = match timeline.map(|of| of.from) {
         Some(Side::Left) => " from the left",
@@ -29,7 +29,7 @@ pub fn class_in_words(name: &str) -> String {
     class.map_or_else(|| "no contact".into(), |class| manner(class, None))
 }
 
-/// How the driver responded, with what the manoeuvres say of it.
+/// Describes the driver's response in the light of the manoeuvres that would have helped.
 pub fn response(timeline: &Timeline) -> &'static str {
     let until = |by: Manoeuvre| timeline.chances.iter().find(|chance| chance.by == by).and_then(|chance| chance.last_s);
     let helps_after = |last_s: Option<f64>, at_s: f64| last_s.is_some_and(|last_s| at_s <= last_s + 1e-9);

@@ -35,7 +35,7 @@ pub struct Duplicate {
     pub of: SolutionId,
 }
 
-/// What an insertion did to the front.
+/// Effect of an insertion on the front.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Inserted {
     pub on_front: bool,

@@ -17,7 +17,7 @@ use crate::objects::{
     LocalPush, ParentTradeoff, Required, Score, Ties, is_unsaid, is_yes, yes,
 };
 
-/// What the gates compare with. Comes from the experiment file.
+/// Numbers that the gates compare with. They come from the experiment file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArchiveOptions {
@@ -38,28 +38,28 @@ pub struct ArchiveOptions {
     pub level: f64,
     /// Share of its parent's coverage that a program must keep, 1.
     pub coverage_floor: f64,
-    /// Who leads the lineage from one epoch to the next.
+    /// Rule for who leads the lineage from one epoch to the next.
     pub promotion: PromotionRule,
     /// How sure the gain of a child over its parent must be before it leads, 1: one-sided, over as many evolution scenes as it
     /// takes. Without it whoever was accepted may lead.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub race: Option<f64>,
-    /// What a child must do besides what a gate asks.
+    /// Requirement on a child besides what a gate asks.
     #[serde(default, skip_serializing_if = "Required::is_unsaid")]
     pub requires: Required<AcceptanceRequirement>,
-    /// Whose points the front is made of.
+    /// Programs whose points make up the front.
     #[serde(default, skip_serializing_if = "is_unsaid")]
     pub front: FrontOf,
-    /// Who has a front of its own.
+    /// Unit that has a front of its own.
     #[serde(default, skip_serializing_if = "is_unsaid")]
     pub front_per: FrontPer,
-    /// On which scenes a child is compared.
+    /// Scenes on which a child is compared.
     #[serde(default, skip_serializing_if = "is_unsaid")]
     pub judged_on: JudgedOn,
-    /// Which of equals stand on the front.
+    /// Rule for which of several equal entries stand on the front.
     #[serde(default, skip_serializing_if = "is_unsaid")]
     pub ties: Ties,
-    /// Whether every third slot edits another member of the front than the leader. The paper has one active parent.
+    /// True if every third slot edits another member of the front than the leader. The paper has one active parent.
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub portfolio: bool,
     /// True if the parent stands among those whom a child must surpass in ΔHV and local push also where it is not on the
@@ -186,7 +186,7 @@ pub struct Standing<'a> {
 const CHILD: usize = 0;
 const PARENT: usize = 1;
 
-/// What the gates say of a candidate. Changes nothing.
+/// Asks the gates about a candidate. Changes nothing.
 pub fn consider(
     standing: &Standing<'_>,
     options: &ArchiveOptions,

@@ -1,4 +1,4 @@
-//! Which objectives the archive takes: finite rates.
+//! Objectives that the archive takes: finite rates.
 
 use crate::kernel::num;
 use crate::objects::Objectives;

@@ -1,8 +1,8 @@
-//! Paired comparison: programs are compared on the scenes on which all of them have a label, and how sure a difference is
-//! is found by leaving out one scene at a time (the jackknife of Quenouille and Tukey; Efron and Stein 1981).
+//! Paired comparison of programs on the scenes on which all of them have a label. Leaving out one scene at a time shows
+//! how sure a difference is (the jackknife of Quenouille and Tukey; Efron and Stein 1981).
 //!
-//! What a set of labels amounts to is the protocol's to say ([`Measure`]): means over scenes in MetaDrive's, scores of
-//! groups in SafeBench's. So the gates compare the same quantities that are reported as objectives.
+//! The protocol says what a set of labels amounts to ([`Measure`]): means over scenes in MetaDrive's, scores of groups
+//! in SafeBench's. So the gates compare the same quantities that are reported as objectives.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use crate::objects::{Difference, RealismMean, RealismSums, SceneScore, Score};
 /// A difference of means below this is rounding, 1.
 const ROUNDING: f64 = 1e-12;
 
-/// What a set of labels amounts to.
+/// Measure of a set of labels.
 pub trait Measure {
     /// Means over these scenes' labels, and over all but each one of them in turn.
     fn account(&self, scenes: &[&SceneScore]) -> Account;
@@ -72,7 +72,7 @@ impl<'s> Panel<'s> {
         Panel { scenes: shared.len(), programs: by_scene.iter().map(program).collect() }
     }
 
-    /// How many scenes are paired.
+    /// Returns how many scenes are paired.
     pub fn scenes(&self) -> usize {
         self.scenes
     }
@@ -82,7 +82,7 @@ impl<'s> Panel<'s> {
         self.programs[program].1.whole
     }
 
-    /// In how many scenes two programs have different labels.
+    /// Returns in how many scenes two programs have different labels.
     pub fn differing(&self, one: usize, other: usize) -> usize {
         let label = |scene: &SceneScore| (scene.attack, scene.realism, scene.acted);
         let pairs = self.programs[one].0.iter().zip(&self.programs[other].0);
@@ -105,7 +105,7 @@ impl<'s> Panel<'s> {
 /// scenes acted in.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MeanOverScenes {
-    /// What realism is a mean of.
+    /// Rule for the mean of realism.
     pub mean: RealismMean,
 }
 
@@ -128,8 +128,8 @@ fn means(attack: f64, realism: RealismSums, count: usize, mean: RealismMean) -> 
     }
 }
 
-/// Whether a difference is above 0 at a level: the chance that noise alone shows as much is at most 1 - level (one-sided,
-/// normal). A single scene shows nothing; a change that is the same in every scene is sure.
+/// Returns `true` if a difference is above 0 at a level: the chance that noise alone shows as much is at most 1 - level
+/// (one-sided, normal). A single scene shows nothing; a change that is the same in every scene is sure.
 pub fn is_shown(difference: &Difference, level: f64) -> bool {
     match difference.uncertainty {
         _ if difference.value <= ROUNDING => false,

@@ -25,10 +25,10 @@ pub struct SelectorOptions {
     /// generator: one point of a front says little.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub also_at: Option<[f64; 2]>,
-    /// Whom of those realistic enough it takes.
+    /// Choice among those that are realistic enough.
     #[serde(default, skip_serializing_if = "is_unsaid")]
     pub rule: ReportedBy,
-    /// Whether whoever acts nowhere is no contender. The paper does not say so.
+    /// True if a program that acts nowhere is no contender. The paper does not say so.
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub must_act: bool,
     /// True if the most realistic of the others fill PF-Area's programs up where too few reach `realism_min`. Of the paper's
@@ -40,10 +40,17 @@ pub struct SelectorOptions {
 impl SelectorOptions {
     /// The rule of a file that names these two numbers alone.
     pub const fn at(realism_min: f64, tolerance: f64) -> SelectorOptions {
-        SelectorOptions { realism_min, tolerance, also_at: None, rule: ReportedBy::Tolerance, must_act: true, fills_up: true }
+        SelectorOptions {
+            realism_min,
+            tolerance,
+            also_at: None,
+            rule: ReportedBy::Tolerance,
+            must_act: true,
+            fills_up: true,
+        }
     }
 
-    /// Whether a program of this coverage may be reported.
+    /// Returns `true` if a program of this coverage may be reported.
     pub fn admits(&self, coverage: f64) -> bool {
         coverage > 0.0 || !self.must_act
     }
@@ -87,13 +94,13 @@ pub enum SelectionRule {
     MostRealistic,
 }
 
-/// Who was selected, and everything that the rule compared.
+/// Selected program, and everything that the rule compared.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Selection {
     pub solution: SolutionId,
     pub objectives: Objectives,
     pub rule: SelectionRule,
-    /// How many of how many reach `realism_min`.
+    /// Number of contenders that reach `realism_min`, and of all contenders.
     pub eligible: usize,
     pub contenders: usize,
     /// Largest attack among the eligible; `None` where there are none.

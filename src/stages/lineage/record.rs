@@ -27,7 +27,7 @@ pub struct Lineage {
     pub promotions: Vec<Promotion>,
 }
 
-/// What a lineage remembers of an attempt; the attempt itself lies sealed in the store.
+/// Record that a lineage keeps of an attempt; the attempt itself lies sealed in the store.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AttemptRecord {
@@ -41,12 +41,12 @@ pub struct AttemptRecord {
     /// The admitted program, where there is one.
     pub child: Option<SolutionId>,
     pub patch_hash: Option<Digest>,
-    /// Whether an acceptance gate held.
+    /// True if an acceptance gate held.
     pub accepted: bool,
 }
 
 impl Lineage {
-    /// Whether a program may be a leader: the parent, or a child that was accepted.
+    /// Returns `true` if a program may be a leader: the parent, or a child that was accepted.
     pub(super) fn may_lead(&self, solution: &SolutionId) -> bool {
         let accepted = |record: &AttemptRecord| record.child.as_ref() == Some(solution) && record.accepted;
         *solution == self.parent || self.attempts.iter().any(accepted)
@@ -73,7 +73,7 @@ impl AttemptRecord {
     }
 }
 
-/// Which of a lineage's leaders is meant.
+/// One of a lineage's leaders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Leader {

@@ -34,7 +34,7 @@ pub struct CurationOptions {
     pub text_chars: usize,
 }
 
-/// What the curator needs besides the attempt.
+/// Context that the curator needs besides the attempt.
 #[derive(Clone, Copy, Debug)]
 pub struct CurationContext<'a> {
     /// Family of the lineage.

@@ -1,4 +1,4 @@
-//! What an epoch's exits suggest for the next one: repair, reuse, diversify or pivot. A hint for actors, never a rule.
+//! Reflection on an epoch's exits for the next one: repair, reuse, diversify or pivot. A hint for actors, never a rule.
 
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -9,7 +9,7 @@ use super::{
 };
 use crate::objects::{Attempt, Card, CardId, CardKind, Exit, Gate, LineageId, Objectives};
 
-/// What a reflection advises.
+/// Advice of a reflection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Hint {
@@ -35,8 +35,8 @@ impl Hint {
     }
 }
 
-/// What the exits of one epoch suggest; `None` where nothing was learned: no attempt, or none that was simulated. "Alike": at
-/// most half as many sets of mechanism tags as simulated candidates. What the world evaluator turned away says nothing.
+/// Returns the hint that the exits of one epoch give; `None` where nothing was learned: no attempt, or none that was simulated. "Alike":
+/// at most half as many sets of mechanism tags as simulated candidates. Candidates that the world evaluator turned away say nothing.
 pub fn hint(attempts: &[Attempt]) -> Option<Hint> {
     let unusable = attempts.iter().filter(|a| matches!(a.exit, Exit::Declined { .. } | Exit::Invalid { .. })).count();
     let sets: BTreeSet<&[String]> = attempts.iter().filter_map(tags).collect();

@@ -23,7 +23,7 @@ pub struct MemoryOptions {
     pub alpha_future: f64,
     /// M: how many cards are shown.
     pub top_m: usize,
-    /// Which of the scored cards are shown.
+    /// Rule for which of the scored cards are shown.
     #[serde(default, skip_serializing_if = "is_unsaid")]
     pub taking: Taking,
 }

@@ -1,4 +1,4 @@
-//! What cards come from an attempt, who may read them, and when.
+//! Tests on which cards come from an attempt, who may read them, and when.
 
 use std::collections::BTreeMap;
 

@@ -45,8 +45,8 @@ fn with_fewer_decimals(word: &str, digits: u32) -> String {
     out
 }
 
-/// Whether a tag is a plain word that names only a kind of mechanism or scene: lower-case letters and `_`, at most 32.
-/// Digits are not allowed, so that no score, setting or path can be passed on in a tag.
+/// Returns `true` if a tag is a plain word that names only a kind of mechanism or scene: lower-case letters and `_`,
+/// at most 32. Digits are not allowed, so that no score, setting or path can be passed on in a tag.
 pub fn is_plain_tag(tag: &str) -> bool {
     !tag.is_empty() && tag.len() <= 32 && tag.bytes().all(|b| b.is_ascii_lowercase() || b == b'_')
 }

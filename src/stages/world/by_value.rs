@@ -1,4 +1,4 @@
-//! Who gets the rollouts of an epoch by value and uncertainty (paper, eq. method-routing and appendix World Evaluator): what is
+//! Allotment of an epoch's rollouts by value and uncertainty (paper, eq. method-routing and appendix World Evaluator): what is
 //! promising and certain is selected, what is uncertain or in a sparse region is audited, and only what is low with certainty is turned
 //! away for its value.
 
@@ -6,7 +6,7 @@ use super::verdict::{Allotted, Prediction, audits, loses, strata};
 use crate::kernel::Stream;
 use crate::objects::{RouteDecision, RouteReason, RoutingOptions};
 
-/// How the reason of a candidate opens that is turned away for its value.
+/// Start of the reason of a candidate that is turned away for its value.
 const LOW: &str = "reject: low and certain";
 
 /// d_φ of a candidate, before the budget.

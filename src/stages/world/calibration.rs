@@ -38,7 +38,7 @@ pub enum LabelError {
     Unusable {
         /// The attempt that it came from.
         attempt: String,
-        /// What is wrong with it.
+        /// Fault of its label.
         problem: String,
     },
 }
@@ -129,7 +129,7 @@ pub fn snapshot(
     WorldSnapshot { schema: schema.clone(), configuration: configuration.clone(), fit }
 }
 
-/// What one of the fits is for.
+/// Result of one of the fits, by its purpose.
 enum Made {
     /// Errors of a fold that a fit to the others makes.
     Errors(Option<Vec<Objectives>>),
@@ -180,7 +180,7 @@ fn fitted(schema: &FeatureSchema, configuration: &WorldConfiguration, labels: &[
     })
 }
 
-/// What predicts attack and realism, and why it is the mean alone, if so.
+/// Fits the regressions of attack and realism, and says why these are the mean alone, if so.
 fn regressions(
     table: &Table,
     targets: [&[f64]; 2],

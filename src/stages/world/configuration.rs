@@ -1,4 +1,4 @@
-//! Which configurations an evaluator can have: the bounds of its update surface.
+//! Bounds of an evaluator's update surface: the configurations that it can have.
 
 use super::slope;
 use crate::objects::{FeatureSchema, WorldConfiguration, WorldModel};
@@ -13,7 +13,7 @@ pub enum ConfigurationError {
         option: &'static str,
         /// Its value.
         value: f64,
-        /// What it may be.
+        /// Values that it may have.
         expected: &'static str,
     },
     /// No column of the schema has this name.

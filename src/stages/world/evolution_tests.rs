@@ -33,7 +33,7 @@ fn candidates(accepted: fn(usize) -> bool) -> Vec<WorldLabel> {
     (0..EPOCHS as usize * OF_EPOCH).map(one).collect()
 }
 
-/// What a made-up configuration says of the candidate at a place of its epoch.
+/// Statement of a made-up configuration about the candidate at a place of its epoch.
 struct Says {
     rank_score: f64,
     realism: f64,
@@ -278,7 +278,7 @@ fn an_audit_counts_what_is_known_by_way_of_routing_and_names_the_column_that_the
     let [scene] = audited.groups.as_slice() else { panic!("one group has columns: {:?}", audited.groups) };
     assert_eq!((scene.columns, scene.excluded), (2, 1));
     assert_eq!(scene.residual.as_ref().unwrap().0, "x1", "the strongest, not the first");
-    // Who predicts every difference misses nothing that a column could tell.
+    // An evaluator that predicts every difference misses nothing that a column could tell.
     let exact = |label| {
         let difference = WorldLabel::difference(label);
         let prediction =

@@ -64,7 +64,7 @@ const PARENT: [&str; 7] = [
     "parent_open_acted",
     "parent_open_idle_contact",
 ];
-/// What our own simulator shows of the window, child less parent, as it is in an open scene.
+/// Columns of what our own simulator shows of the window, child less parent, as it is in an open scene.
 const SIMULATED: [&str; 2] = ["simulated_attack_change", "simulated_realism_change"];
 const PROBE: [&str; 7] =
     ["ego_distance_m_min", "conflict_s", "begins_s", "off_road_m", "acceleration_mps2", "jerk_mps3", "actors"];
@@ -152,7 +152,7 @@ pub struct CandidateView<'a> {
     pub program: &'a Program,
     /// Its parent.
     pub parent: &'a Program,
-    /// What made the one of the other.
+    /// Patch that made the child of the parent.
     pub patch: &'a ProgramPatch,
     /// The child's mechanism tags.
     pub mechanism_tags: &'a [String],
@@ -172,7 +172,7 @@ pub struct SceneView<'a> {
     pub id: &'a str,
     /// Its features.
     pub features: &'a SceneFeatures,
-    /// What its logs say about it.
+    /// Interaction as its logs show it.
     pub interaction: &'a Interaction,
     /// False where both programs compile to the same.
     pub open: bool,
@@ -234,7 +234,7 @@ fn scene_means(open: &[&SceneView<'_>]) -> Vec<f64> {
     SCENE.iter().map(of).chain(logs.iter().map(log)).collect()
 }
 
-/// What the parent did: on the window, and in the scenes that are open.
+/// Returns what the parent did: on the window, and in the scenes that are open.
 fn parent_values(score: &Score, open: &[&SceneView<'_>]) -> [f64; 7] {
     let labelled = |scene: &&SceneView<'_>| score.scenes.iter().find(|label| label.scene == scene.id);
     let labels: Vec<&SceneScore> = open.iter().filter_map(labelled).collect();
@@ -250,8 +250,8 @@ fn parent_values(score: &Score, open: &[&SceneView<'_>]) -> [f64; 7] {
     ]
 }
 
-/// How many scenes were tried, how often the interventions differ, and of those that do: the child's numbers and what they
-/// differ from the parent's by.
+/// Returns how many scenes were tried, the share in which the interventions differ, and of those that do the child's
+/// numbers and their differences from the parent's.
 fn probe_values(probes: &[ProbePair]) -> Vec<f64> {
     let differing: Vec<&ProbePair> = probes.iter().filter(|probe| !probe.same).collect();
     let mut values = vec![probes.len() as f64, differing.len() as f64 / probes.len().max(1) as f64];

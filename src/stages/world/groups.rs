@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::kernel::num;
 use crate::objects::{CalibrationGroup, GroupMean, Objectives, WorldLabel, WorldRow};
 
-/// Which group's mean calibrates a row.
+/// Returns the key of the group whose mean calibrates a row.
 pub fn group_key(row: &WorldRow, group: CalibrationGroup) -> &str {
     match group {
         CalibrationGroup::Family => row.family.as_str(),

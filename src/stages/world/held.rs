@@ -30,7 +30,7 @@ pub struct WorldAgentOptions {
     /// How much farther from the declared level coverage may come to lie, percentage points; also how much nearer it must come to
     /// be a gain.
     pub coverage_slack_pct: f64,
-    /// How many of its standard errors a gain must exceed.
+    /// Number of its standard errors that a gain must exceed.
     pub gain_errors: f64,
     /// Ends between which `audit_share` may be changed.
     pub audit_share: [f64; 2],
@@ -47,7 +47,7 @@ pub struct Evidence<'a> {
     pub weight: f64,
 }
 
-/// What all configurations are held against.
+/// Conditions that all configurations are held against.
 #[derive(Clone, Copy, Debug)]
 pub struct Judging<'a> {
     /// Columns of the rows.
@@ -55,7 +55,7 @@ pub struct Judging<'a> {
     /// The configuration of the experiment file: its budget, audits and level hold for every configuration, so that a change of
     /// these earns nothing by itself.
     pub founding: &'a WorldConfiguration,
-    /// What the experiment declares.
+    /// Options that the experiment declares.
     pub options: &'a WorldAgentOptions,
     /// Labels of this epoch and of later ones are not looked at.
     pub before: u32,
@@ -66,9 +66,9 @@ pub struct Judging<'a> {
 pub struct Held<'a> {
     /// The candidate.
     pub evidence: Evidence<'a>,
-    /// What was predicted of it.
+    /// Prediction of it.
     pub prediction: Prediction,
-    /// Whether it would be turned away even where the budget has room.
+    /// True if it would be turned away even where the budget has room.
     pub weak: bool,
 }
 

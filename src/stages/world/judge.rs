@@ -81,14 +81,14 @@ impl Pair<'_, '_, '_> {
     }
 }
 
-/// What the challenger gains in a measure; larger is better.
+/// Returns the challenger's gain in a measure; larger is better.
 fn gain(judging: &Judging<'_>, rule: JudgeRule, old: &WorldMeasures, new: &WorldMeasures) -> f64 {
     let level_pct = 100.0 * judging.founding.interval_level;
     let less = |read: fn(&WorldMeasures) -> Option<f64>| read(old).unwrap_or(0.0) - read(new).unwrap_or(0.0);
     // Without intervals nothing is held.
     let off = |of: &WorldMeasures| (of.coverage_pct.unwrap_or(0.0) - level_pct).abs();
     match rule {
-        // Who cannot be ranked by has a correlation of 0.
+        // A configuration that cannot rank has a correlation of 0.
         JudgeRule::Ranking => -less(|of| of.rank_correlation),
         JudgeRule::RealismError => less(|of| of.realism_error),
         JudgeRule::Coverage => off(old) - off(new),

@@ -23,7 +23,7 @@ impl Compared {
     }
 }
 
-/// What a candidate gains against its parent, attack and realism added.
+/// Returns the gain of a candidate over its parent, attack and realism added.
 pub fn gain(of: &Objectives) -> f64 {
     of.attack + of.realism
 }

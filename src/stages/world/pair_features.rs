@@ -15,7 +15,7 @@ use crate::objects::{
 
 /// Columns into which mechanism tags are hashed.
 const TAGS_HASHED: usize = 16;
-/// What the parent did: on the window, and in the scene.
+/// Columns of what the parent did: on the window, and in the scene.
 const PARENT: [&str; 7] = [
     "parent_attack",
     "parent_realism",
@@ -25,7 +25,7 @@ const PARENT: [&str; 7] = [
     "parent_scene_acted",
     "parent_scene_idle_contact",
 ];
-/// Whether the child compiles to something else here, its parent's label where it does not, and what probe scenes show.
+/// Columns of probe scenes: whether the child compiles to something else here, its parent's label where it does not, what they show.
 const PROBE: [&str; 4] = ["probe_open", "probe_kept_attack", "probe_kept_realism", "probe_differing_share"];
 /// Numbers of a probe that say how near and when, and those that say how it moves.
 const NEAR: [&str; 4] = ["ego_distance_m_min", "conflict_s", "begins_s", "actors"];
@@ -102,7 +102,7 @@ fn missed(fit: Option<&WorldFit>, family: &FamilyName, mechanism_class: &str) ->
     missed_keys(family, mechanism_class).iter().flat_map(of).collect()
 }
 
-/// What is the same in all scenes of a candidate, in the order of the columns: before the scene's own numbers, and behind them.
+/// Values that are the same in all scenes of a candidate, in the order of the columns: before the scene's own numbers, and behind them.
 struct Parts {
     /// Family, edit, graph.
     first: Vec<f64>,

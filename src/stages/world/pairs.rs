@@ -16,14 +16,14 @@ use crate::objects::{
 };
 use crate::statistics::table::{Table, moments, standardised};
 
-/// What is expected of a candidate over the scenes of its window.
+/// Expectation of a candidate over the scenes of its window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Expected {
     /// F̂(c) less the parent's labels of the same scenes; nothing where the evaluator abstains.
     pub difference: Objectives,
     /// Û(c), 1 where nothing is known.
     pub uncertainty: f64,
-    /// Whether the candidate's group has too few labels to calibrate by.
+    /// True if the candidate's group has too few labels to calibrate by.
     pub sparse: bool,
 }
 
@@ -88,7 +88,7 @@ fn residual(table: &Table, target: &[f64], line: &RidgeLine) -> f64 {
     (num::sum(table.rows.iter().zip(target).map(square)) / target.len().max(1) as f64).sqrt()
 }
 
-/// What recorded predictions missed, by family and by mechanism class.
+/// Returns the mean miss of recorded predictions, by family and by mechanism class.
 fn missed(labels: &[&WorldLabel]) -> BTreeMap<String, GroupMean> {
     let key =
         |k: usize| move |label: &WorldLabel| missed_keys(&label.row.family, &label.row.mechanism_class)[k].clone();

@@ -21,8 +21,8 @@ pub fn pilot_places(order: &[usize], open: &[bool], options: &PilotOptions) -> V
     order.iter().copied().filter(is_open).take(options.scenes as usize).collect()
 }
 
-/// What a candidate is ranked by behind its pilot. The predicted difference of an open scene counts as `prior_scenes` scenes
-/// beside those that were seen, and what is not known of it shrinks accordingly. `None` where nothing was seen.
+/// Returns the rank score of a candidate after its pilot. The predicted difference of an open scene counts as `prior_scenes`
+/// scenes beside those that were seen, and what is not known of it shrinks accordingly. `None` where nothing was seen.
 pub(super) fn rank_score(
     (difference, half_width): (&Objectives, Option<&Objectives>),
     open_share: f64,

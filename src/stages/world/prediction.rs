@@ -1,4 +1,4 @@
-//! What a fit says of a candidate.
+//! Prediction of a candidate by a fit.
 
 use super::{groups::group_key, pairs, ridge, slope};
 use crate::objects::{FeatureSchema, Objectives, Regression, WorldConfiguration, WorldFit, WorldModel, WorldRow};

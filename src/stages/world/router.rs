@@ -15,7 +15,7 @@ use crate::objects::{
 };
 use crate::statistics::boosted;
 
-/// Whether a recorded route would have turned its candidate away, had it not been drawn for an audit.
+/// Returns `true` if a recorded route would have turned its candidate away, had it not been drawn for an audit.
 pub fn drawn_by_monitor(route: &Route) -> bool {
     route.decision == RouteDecision::Audit && matches!(route.reason, RouteReason::Monitored(_))
 }
@@ -141,19 +141,19 @@ fn numbers(prediction: &Prediction) -> String {
     format!("difference from the parent: attack {attack:+.3}, realism {realism:+.3}, uncertainty {width:.3}")
 }
 
-/// How many candidates are labelled, where these are too few to rank anybody. Behind a pilot or a rollout of our own something is known
-/// of everybody, however few were labelled before.
+/// Returns the number of labelled candidates, where these are too few to rank anybody. After a pilot or a rollout of our own something
+/// is known of every candidate, however few were labelled before.
 pub(super) fn too_few(labels: u32, configuration: &WorldConfiguration) -> Option<u32> {
     let WorldConfiguration { model, routing, .. } = configuration;
     let all_known = routing.pilot.is_some() || *model == WorldModel::Simulator;
     (labels < routing.min_labels && !all_known).then_some(labels)
 }
 
-/// Who gets the rollouts of an epoch.
+/// Allots the rollouts of an epoch.
 ///
 /// 1. So few labels that nobody can be ranked, or a random choice: the budget is drawn at random; each drawn one stands for as many
 ///    as there are for one place of the budget.
-/// 2. A candidate is weak that is predicted to lose more than λ_A of attack or λ_R of realism, with an uncertainty of at most λ_U.
+/// 2. A candidate is weak if it is predicted to lose more than λ_A of attack or λ_R of realism, with an uncertainty of at most λ_U.
 /// 3. The budget less its audits goes to the best by rank that are not weak.
 /// 4. The others are cut into as many strata as there are audits, by rank, and one of each is drawn: it stands for its stratum.
 pub fn allot(

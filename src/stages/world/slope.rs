@@ -14,7 +14,7 @@ pub fn value_at(line: &SimulatedSlope, row: &WorldRow) -> f64 {
     row.open_share * line.slope * row.features.get(line.column).copied().unwrap_or(0.0)
 }
 
-/// What our own simulator shows of a candidate as it is: nobody's label has corrected it.
+/// Returns what our own simulator shows of a candidate as it is: no label has corrected it.
 pub fn uncorrected(schema: &FeatureSchema, row: &WorldRow) -> Option<Objectives> {
     let shown = |column: usize| value_at(&SimulatedSlope { column, slope: 1.0 }, row);
     places(schema).map(|[attack, realism]| Objectives { attack: shown(attack), realism: shown(realism) })

@@ -1,4 +1,4 @@
-//! What is predicted of a candidate, and what both ways of allotting an epoch's rollouts share.
+//! Prediction of a candidate, and what both ways of allotting an epoch's rollouts share.
 
 use crate::objects::{Objectives, RouteDecision, RouteReason, RoutingOptions};
 
@@ -11,9 +11,9 @@ pub struct Prediction {
     pub difference: Objectives,
     /// Half widths of the intervals; `None` where too few errors are known.
     pub half_width: Option<Objectives>,
-    /// What candidates are ranked by.
+    /// Score that candidates are ranked by.
     pub rank_score: f64,
-    /// What an evaluator of pairs knows besides.
+    /// Knowledge that only an evaluator of pairs has.
     pub of_pairs: Option<OfPairs>,
 }
 
@@ -22,9 +22,9 @@ pub struct Prediction {
 pub struct OfPairs {
     /// Û(c), aggregated over scenes, in [0, 1].
     pub uncertainty: f64,
-    /// Whether the candidate's group has too few labels to calibrate by.
+    /// True if the candidate's group has too few labels to calibrate by.
     pub sparse: bool,
-    /// Whether the evaluator abstains.
+    /// True if the evaluator abstains.
     pub abstains: bool,
 }
 
@@ -39,7 +39,7 @@ impl Prediction {
 /// A decision, for how many candidates a drawn one stands, and why.
 pub type Allotted = (RouteDecision, Option<f64>, RouteReason);
 
-/// How many of the budget are drawn, by a number in [0, 1) for the fraction.
+/// Returns how many of the budget are drawn, by a number in [0, 1) for the fraction.
 pub fn audits(options: &RoutingOptions, budget: usize, draw: f64) -> usize {
     let wanted = options.audit_share * budget as f64;
     (wanted.floor() as usize + usize::from(draw < wanted.fract())).min(budget)

@@ -35,7 +35,7 @@ pub fn cases() -> &'static [Case] {
     })
 }
 
-/// Whether the scene is not over before a motion has shown what it is.
+/// Returns `true` if the scene is not over before a motion has shown what it is.
 fn lasts(case: &Case) -> bool {
     played(&case.scene, case.follow(case.log.clone()), &Policy::Idm).steps >= 40
 }

@@ -1,4 +1,4 @@
-//! What no road user of a kind does costs realism where an experiment weighs it, and recorded traffic does none of it.
+//! Motions that no road user of a kind makes cost realism where an experiment weighs them, and recorded traffic makes none of them.
 
 use super::motions::Case;
 use super::{body_m, catalogue, options_of_kind};
@@ -32,7 +32,7 @@ fn played(case: &Case, action: Action) -> Outcome {
     rollout(&plant, &Intervention { actions: vec![action] }, Policy::Idm.driver().as_mut()).unwrap()
 }
 
-/// Somebody who is not recorded, far from everybody, for four seconds: where it is `t` seconds after it appears, and its heading.
+/// Inserts a road user far from everybody for four seconds: `at` gives its place `t` seconds after it appears, and its heading.
 fn inserted(case: &Case, kind: AgentKind, at: impl Fn(f64) -> (Vec2, f64)) -> Action {
     let (length_m, width_m) = body_m(kind);
     let sample = |k: usize| {
@@ -182,7 +182,7 @@ fn adv_bmt() -> Family {
     families::registry().iter().find(|family| family.contract.family.as_str() == "adv_bmt").unwrap().clone()
 }
 
-/// What the gate of protected parts says of one edit.
+/// Returns what the gate of protected parts says of one edit.
 fn refused(fixed_bodies: bool, path: &str, value: Value) -> Vec<String> {
     let (registry, family) = (families::registry(), adv_bmt());
     let mut parent = family.parent.clone();

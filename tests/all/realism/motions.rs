@@ -51,7 +51,7 @@ impl Case {
         (0..count).map(|k| Sample { position: at(k), velocity: velocity(k), ..self.log[k] }).collect()
     }
 
-    /// On from the first place, each step by a velocity; the heading stays.
+    /// Moves on from the first place, each step by a velocity; the heading stays.
     fn drawn(&self, velocity: impl Fn(f64) -> Vec2) -> Vec<Sample> {
         let mut now = Sample { velocity: velocity(0.0), ..self.log[0] };
         let mut samples = vec![now];
@@ -148,7 +148,7 @@ impl Case {
         self.insert(self.log.iter().map(|s| Sample { position: s.position + shift, ..*s }).collect())
     }
 
-    /// To and fro across the way.
+    /// Moves to and fro across the way.
     pub fn jitter(&self, amplitude_m: f64, hertz: f64) -> Action {
         let swing = |t: f64| amplitude_m * num::sin(2.0 * num::PI * hertz * t);
         self.follow(self.shifted(|t, s| Vec2::from_heading(s.heading_rad).left() * swing(t)))

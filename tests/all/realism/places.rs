@@ -1,4 +1,4 @@
-//! Who is where its kind does not belong loses realism where an experiment weighs that, and recorded traffic is not there.
+//! A road user where its kind does not belong loses realism where an experiment weighs that, and recorded traffic is not there.
 
 use super::{PLACE, body_m, options_of_kind, options_of_place, worlds};
 use crate::evaluation::{limits, report};
@@ -115,7 +115,7 @@ fn prepared(scene: &Scene) -> Plant {
     Plant::with_options(PreparedScene::new(Arc::new(scene.clone())), &asked()).unwrap()
 }
 
-/// Somebody new: where it is `t` seconds after it appears. Its heading is that of its motion, or the lane's while it stands.
+/// Plays a new road user: `at` gives its place `t` seconds after it appears. Its heading is that of its motion, or the lane's while it stands.
 fn played(place: &Place, kind: AgentKind, at: impl Fn(f64) -> Vec2) -> Outcome {
     let (length_m, width_m) = body_m(kind);
     let sample = |k: usize| {
@@ -130,7 +130,7 @@ fn played(place: &Place, kind: AgentKind, at: impl Fn(f64) -> Vec2) -> Outcome {
     rollout(&prepared(&place.scene), &Intervention { actions }, Policy::Replay.driver().as_mut()).unwrap()
 }
 
-/// Of each diagnostic the share of the places in which it catches a motion of this kind.
+/// Returns, for each diagnostic, the share of the places in which it catches a motion of this kind.
 fn shares<'p>(
     places: &'p [Place],
     kind: AgentKind,
@@ -214,7 +214,7 @@ fn half_across_m(place: &Place) -> f64 {
     0.5 * line.project(place.at).offset_m.abs()
 }
 
-/// Where somebody is so many seconds after it appears.
+/// Position of a road user by the seconds since it appeared.
 type Way<'p> = Box<dyn Fn(f64) -> Vec2 + 'p>;
 
 /// Half a circle to the left into the outermost lane of the other direction, as slow as comfort asks, then on.
@@ -345,8 +345,8 @@ fn only_what_goes_beyond_bound_and_own_recording_counts_and_the_worse_of_both() 
     assert_eq!(of_account(None), 1.0);
 }
 
-/// What recorded road users lose by their place, judged as if they had been generated: by kind their number, how many lose anything,
-/// the largest of both quantities, and the mean penalty in percent.
+/// Returns what recorded road users lose by their place, judged as if they had been generated: by kind their number, how many lose
+/// anything, the largest of both quantities, and the mean penalty in percent.
 fn lost(scenes: &[Scene]) -> BTreeMap<AgentKind, (usize, usize, f64, f64, f64)> {
     let weight = BTreeMap::from_iter(options_of_place().weights())[PLACE];
     let mut all: BTreeMap<AgentKind, (usize, usize, f64, f64, f64)> = BTreeMap::new();

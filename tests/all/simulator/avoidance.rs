@@ -1,4 +1,4 @@
-//! Whether a contact could have been avoided: scenes made by hand, a braking distance worked out, and what the ego sees.
+//! Avoidability of contacts: scenes made by hand, a braking distance worked out, and what the ego sees.
 
 use std::sync::Arc;
 

@@ -46,7 +46,7 @@ fn met(samples: Vec<Sample>) -> Contact {
     contact_of(&scene, &act, &mut Blind { steering_rad: 0.0 })
 }
 
-/// From one lateral place to another between two times, at constant lateral speed.
+/// Moves from one lateral place to another between two times, at constant lateral speed.
 pub fn lateral(seconds: f64, (from_m, to_m): (f64, f64), (begin_s, end_s): (f64, f64)) -> f64 {
     from_m + (to_m - from_m) * ((seconds - begin_s) / (end_s - begin_s)).clamp(0.0, 1.0)
 }

@@ -216,7 +216,7 @@ fn chatscenes_network_steers_back_to_the_route_and_slows_behind_a_vehicle() {
     }
 }
 
-/// With the other sign of the second number it turns away from the route: so sharp is the difference between the two settings.
+/// With the other sign of the second number it turns away from the route, so the two settings differ sharply.
 #[test]
 fn chatscenes_network_keeps_to_its_routes_by_the_sign_that_it_was_trained_with_and_by_no_other() {
     let options = FamilyOptions::all();

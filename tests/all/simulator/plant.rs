@@ -228,7 +228,7 @@ fn traffic_has_its_recorded_boxes_or_those_that_metadrive_has_for_them() {
     assert!((half_length_m(vehicle, 18.0, &boxed) - 9.0).abs() < 0.11);
 }
 
-/// Of MetaDrive's default car, metres.
+/// Length of MetaDrive's default car, metres.
 const METADRIVE_EGO_M: f64 = 4.515;
 
 #[test]

@@ -25,7 +25,7 @@ fn recorded(folder: &str, part_of_name: &str) -> Vec<Scene> {
     scenes
 }
 
-/// Whether a vehicle's samples move as a car's can: forward, along its heading, within the limits of speed.
+/// Returns `true` if a vehicle's samples move as a car's can: forward, along its heading, within the limits of speed.
 fn drives(samples: &[Sample]) -> bool {
     samples.iter().all(|s| {
         let along = s.velocity.dot(crate::kernel::Vec2::from_heading(s.heading_rad));

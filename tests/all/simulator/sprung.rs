@@ -108,7 +108,7 @@ const STOP: Drive = Drive {
 };
 
 impl Drive {
-    /// How far the car is from where MetaDrive's is after every fifth decision: metres, radians, m/s at most.
+    /// Returns the largest deviations of the car from MetaDrive's after every fifth decision: metres, radians, m/s.
     fn errors(&self, options: &SimulatorOptions) -> (f64, f64, f64) {
         let mut scene = straight_road(91, self.speed_mps, vec![]);
         scene.ego.route = [(0.0, 0.0, 0.0, 0.0)].iter().chain(&self.places).map(|at| Vec2::new(at.0, at.1)).collect();
@@ -220,8 +220,8 @@ fn a_lane_ends_a_metre_beyond_the_last_whole_one_of_its_path() {
     assert!(seen(10.9) && !seen(11.1));
 }
 
-/// What the IDM driver answers first, its heading turned away from a straight route to the left that begins at so many metres, as a share of full
-/// steering.
+/// Returns the IDM driver's first steering, as a share of full steering, on a straight route that turns by `turned_rad` to the left
+/// after `ahead_m`.
 fn first_steering(turned_rad: f64, ahead_m: f64, options: &SimulatorOptions) -> f64 {
     let mut scene = straight_road(91, 5.0, vec![]);
     let corner = Vec2::new(ahead_m, 0.0);

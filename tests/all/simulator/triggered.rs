@@ -135,7 +135,7 @@ fn a_car_steers_at_its_waypoints_and_with_its_wheel() {
     assert!(left[40].heading_rad > 0.3 && left[40].position.y > 41.0, "{:?}", left[40]);
 }
 
-/// What a road user does with a way, all else being equal.
+/// Returns the motion of a road user on a way, all else being equal.
 fn on_way(kind: AgentKind, way: Way) -> Vec<crate::scene::Sample> {
     let phase = Phase { way, ..Phase::straight(6.0, Until::Forever) };
     motion(vec![script(kind, 0.0, 40.0, 0.0, vec![phase])], 0)

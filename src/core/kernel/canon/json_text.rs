@@ -1,10 +1,10 @@
 //! JSON text of canonical bytes: one spelling for one value. Objects are sorted by key, there are no spaces, and
-//! numbers and texts look as `serde_json` prints them. A value that was serialised once for its digest can so be
+//! numbers and texts look as `serde_json` prints them. A value that was serialised once for its digest can thus be
 //! printed from the same bytes, without building a tree of it.
 
 use super::{CanonError, FALSE, FLOAT, LIST, MAP, NEGATIVE, TEXT, TRUE, UNIT, UNSIGNED};
 
-/// JSON texts of the elements of a list, given as `canonical_json_bytes`: one text and where each element ends in it.
+/// Returns JSON texts of the elements of a list, given as `canonical_json_bytes`: one text and where each element ends in it.
 ///
 /// # Errors
 /// An element nested deeper than `depth`; bytes that are not those of a list as JSON.

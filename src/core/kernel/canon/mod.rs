@@ -12,7 +12,7 @@ pub enum CanonError {
     /// A float is NaN or infinite.
     #[error("a NaN or an infinity cannot be stored; the producer must refuse it first")]
     NotFinite,
-    /// What serde said.
+    /// Message of serde.
     #[error("{0}")]
     Other(String),
 }
@@ -48,7 +48,7 @@ struct Sheet {
     /// (begin of key, begin of value, end) of the entries of every open map, innermost last.
     entries: Vec<(usize, usize, usize)>,
     sorted: Vec<u8>,
-    /// Whether to write what the value is as JSON.
+    /// True to write the value's JSON form.
     as_json: bool,
 }
 
@@ -149,9 +149,9 @@ impl Sheet {
 /// Entries are written as they come, and sorted by key afterwards where they were not in order.
 struct Map<'a> {
     sheet: &'a mut Sheet,
-    /// Where the count stands; entries begin behind it.
+    /// Place of the count; entries begin behind it.
     count_at: usize,
-    /// Where this map's entries begin in `Sheet::entries`.
+    /// Begin of this map's entries in `Sheet::entries`.
     first: usize,
     /// Begin of a key whose value has not come yet.
     key_at: Option<usize>,

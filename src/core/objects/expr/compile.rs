@@ -10,7 +10,7 @@ use crate::kernel::formula::{Formula, Op, STACK_MAX};
 use crate::objects::value_type::ValueType;
 use crate::text::nearest;
 
-/// A level of the tree holds at most two waiting values (`clamp`, `if`).
+/// A level of the tree holds at most two values that wait (`clamp`, `if`).
 const _: () = assert!(STACK_MAX >= 2 * DEPTH_MAX);
 
 /// Ready to evaluate. Booleans are 1 and 0 on the stack and in `values`.
@@ -18,7 +18,7 @@ const _: () = assert!(STACK_MAX >= 2 * DEPTH_MAX);
 pub struct Compiled {
     formula: Formula,
     value: ValueType,
-    /// How many values the scope has.
+    /// Number of values in the scope.
     width: usize,
 }
 
@@ -33,7 +33,7 @@ impl Expr {
 }
 
 impl Compiled {
-    /// What the expression gives.
+    /// Returns the type of the expression's value.
     pub fn value_type(&self) -> ValueType {
         self.value
     }
@@ -45,7 +45,7 @@ impl Compiled {
         self.formula.value(values)
     }
 
-    /// The code, whose places are those of the scope.
+    /// Returns the code, whose places are those of the scope.
     pub fn formula(&self) -> &Formula {
         &self.formula
     }

@@ -6,9 +6,9 @@
 pub struct ExprError {
     /// Counted in characters from 1.
     pub column: usize,
-    /// What was found there.
+    /// Text found there.
     pub found: String,
-    /// What would be accepted there.
+    /// Description of what would be accepted there.
     pub expected: String,
 }
 

@@ -1,8 +1,8 @@
-//! An expression as an outline in words: a line a branch, so that somebody who never saw the language can follow it.
+//! An expression as an outline in words: one line per branch, so that somebody who never saw the language can follow it.
 
 use super::tree::{Expr, Function, Infix, Kind, Node, Prefix};
 
-/// Ends of names and the units that they are.
+/// Name endings and the units that they stand for.
 const UNITS: [(&str, &str); 8] = [
     ("_mps3", "m/s³"),
     ("_mps2", "m/s²"),
@@ -14,10 +14,10 @@ const UNITS: [(&str, &str); 8] = [
     ("_s", "s"),
 ];
 
-/// A formula up to so many letters stands in one line.
+/// A formula of up to this many letters stands on one line.
 const LINE_MAX: usize = 90;
 
-/// Lines with how far each is indented. A text that does not parse is its own only line.
+/// Returns the lines with the indentation of each. A text that does not parse is returned as a single line.
 pub fn outline(text: &str) -> Vec<(usize, String)> {
     let mut lines = Vec::new();
     match Expr::parse(text) {
@@ -66,7 +66,7 @@ fn outlined(node: &Node, depth: usize, before: &str, lines: &mut Vec<(usize, Str
     }
 }
 
-/// The terms of a sum, each a line of its own, those that are taken off with `minus`.
+/// Writes the terms of a sum, each on a line of its own, with `minus` for those that are subtracted.
 fn terms(node: &Node, minus: bool, depth: usize, lines: &mut Vec<(usize, String)>) {
     match &node.kind {
         Kind::Infix(infix @ (Infix::Plus | Infix::Minus), left, right) => {
@@ -77,7 +77,7 @@ fn terms(node: &Node, minus: bool, depth: usize, lines: &mut Vec<(usize, String)
     }
 }
 
-/// Whether a decision stands in it, which reads better in lines of its own.
+/// Returns `true` if the tree holds a decision, which reads better in lines of its own.
 fn branches(node: &Node) -> bool {
     matches!(&node.kind, Kind::Call(Function::If, _)) || node.children().into_iter().any(branches)
 }
@@ -91,7 +91,7 @@ fn unit_of(name: &str) -> Option<(&str, &'static str)> {
     UNITS.iter().find_map(|(end, unit)| Some((name.strip_suffix(end)?, *unit)))
 }
 
-/// A name without its unit, its words apart.
+/// Returns a name without its unit, with its words apart.
 fn readable(name: &str) -> String {
     let which = match name {
         _ if name.ends_with("_min") => "least ",
@@ -102,7 +102,7 @@ fn readable(name: &str) -> String {
     format!("{which}{}", unit_of(name).map_or(bare, |(bare, _)| bare).replace('_', " "))
 }
 
-/// The unit of what a comparison is about, where one quantity decides it.
+/// Returns the unit of the quantity that a comparison is about, where one quantity decides it.
 fn unit(node: &Node) -> Option<&'static str> {
     match &node.kind {
         Kind::Name(name) => unit_of(name).map(|(_, unit)| unit),
@@ -183,7 +183,7 @@ fn words(node: &Node) -> String {
     }
 }
 
-/// In brackets where an operator stands in it.
+/// Puts brackets around the text if it holds an operator.
 fn grouped(node: &Node) -> String {
     match &node.kind {
         Kind::Infix(..) | Kind::Call(Function::Clamp, _) => format!("({})", words(node)),

@@ -12,7 +12,7 @@ use crate::text::nearest;
 pub const TEXT_MAX_BYTES: usize = 8192;
 /// Most numbers, names, operators and calls. A contract may ask for fewer.
 pub const NODES_MAX: usize = 256;
-/// Most nodes from the root to a leaf; a chain such as `a + b + c` has one level a term.
+/// Most nodes from the root to a leaf; a chain such as `a + b + c` has one level per term.
 pub const DEPTH_MAX: usize = 32;
 /// Parentheses, calls and prefixes inside each other: each level of a printed tree needs at most two.
 const NESTING_MAX: usize = 2 * DEPTH_MAX;

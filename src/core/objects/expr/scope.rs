@@ -26,22 +26,22 @@ impl Scope {
         self.names.entry(name.into()).or_insert((value, next)).1
     }
 
-    /// Type and position of a name; `None` for a name that is not in scope.
+    /// Returns type and position of a name; `None` for a name that is not in scope.
     pub fn get(&self, name: &str) -> Option<(ValueType, usize)> {
         self.names.get(name).copied()
     }
 
-    /// In alphabetical order.
+    /// Returns the names in alphabetical order.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.names.keys().map(String::as_str)
     }
 
-    /// How many values an expression of this scope is given.
+    /// Returns the number of values that an expression of this scope is given.
     pub fn len(&self) -> usize {
         self.names.len()
     }
 
-    /// Whether no name is in scope.
+    /// Returns `true` if no name is in scope.
     pub fn is_empty(&self) -> bool {
         self.names.is_empty()
     }

@@ -1,4 +1,4 @@
-//! What expressions mean, how they are refused, and that printing and reading agree.
+//! Tests of the meaning of expressions, of their refusal, and of the agreement between printing and reading.
 
 use proptest::prelude::*;
 

@@ -152,7 +152,7 @@ impl Function {
         FUNCTIONS[self as usize]
     }
 
-    /// Fewest and most arguments.
+    /// Returns the fewest and the most arguments.
     pub fn arity(self) -> (usize, usize) {
         match self {
             Function::Min | Function::Max => (2, 8),
@@ -192,7 +192,7 @@ impl Expr {
         self.root.depth(false)
     }
 
-    /// The same where a chain such as `a + b - c` or `p and q and r` is one level: it reads as one list, however the tree holds it.
+    /// Returns the depth where a chain such as `a + b - c` or `p and q and r` counts as one level: it reads as one list, however the tree holds it.
     pub fn depth_of_chains(&self) -> usize {
         self.root.depth(true)
     }

@@ -1,5 +1,5 @@
-//! Whether the fields of a road user's recording contradict each other: a table of checks, one a row. Importers convert what
-//! is surely one known convention before a scene exists; what is left is told here, of any pool.
+//! Checks whether the fields of a road user's recording contradict each other, in a table of one check per row. Importers convert what
+//! is surely one known convention before a scene exists; the rest is reported here, for any pool.
 
 pub mod stretch;
 
@@ -10,13 +10,13 @@ use super::LaneGraph;
 use super::types::{AgentKind, DT_S, Sample, Scene, Track};
 use crate::kernel::{Vec2, num};
 
-/// From here on a heading contradicts the motion, degrees. The greatest median of a recorded road user is 7.
+/// Angle from which a heading contradicts the motion, degrees. The greatest median of a recorded road user is 7.
 pub const HEADING_LIMIT_DEG: f64 = 15.0;
-/// From here on velocities contradict places, as a share of the longer way. The greatest median of a recorded road user is 0.17.
+/// Share of the longer way from which velocities contradict places. The greatest median of a recorded road user is 0.17.
 pub const VELOCITY_LIMIT: f64 = 0.3;
-/// Who goes in a lane is at most this far from its centre line, metres: half a narrow lane.
+/// Largest distance of a road user in a lane from its centre line, metres: half a narrow lane.
 const IN_LANE_M: f64 = 1.5;
-/// Motion within this of a lane's opposite is against it, radians.
+/// Motion within this angle of a lane's opposite direction is against the lane, radians.
 const AGAINST_RAD: f64 = num::PI / 6.0;
 
 /// One check: a value of one road user, which contradicts itself above the limit.
@@ -24,13 +24,13 @@ const AGAINST_RAD: f64 = num::PI / 6.0;
 pub struct Row {
     /// Name of the check.
     pub name: &'static str,
-    /// What the value is.
+    /// Meaning of the value.
     pub meaning: &'static str,
     /// Unit of value and limit.
     pub unit: &'static str,
-    /// Above it the fields contradict each other.
+    /// Limit above which the fields contradict each other.
     pub limit: f64,
-    /// The value; `None` where nothing can be said.
+    /// Function for the value; `None` where there is no evidence.
     #[serde(skip)]
     value: fn(&Seen<'_>) -> Option<f64>,
 }
@@ -90,7 +90,7 @@ pub const ROWS: [Row; 7] = [
     },
 ];
 
-/// From here on one step does not fit the others, metres. The greatest of recorded road users is 0.7.
+/// Distance from which one step does not fit the others, metres. The greatest of recorded road users is 0.7.
 const JUMP_LIMIT_M: f64 = 2.0;
 
 /// A road user as the checks see it.
@@ -106,7 +106,7 @@ impl Seen<'_> {
     }
 }
 
-/// The median of what is said of enough stretches.
+/// Returns the median of the values of enough stretches.
 fn typical(values: &[f64]) -> Option<f64> {
     if values.len() < JUDGED_MIN { None } else { num::quantile(values, 0.5) }
 }
@@ -122,12 +122,12 @@ fn pace(seen: &Seen<'_>) -> Option<f64> {
     typical(&times.collect::<Vec<_>>())
 }
 
-/// Whether two ways lead in one direction.
+/// Returns `true` if two ways lead in one direction.
 pub fn is_one_way(a: Vec2, b: Vec2) -> bool {
     a.dot(b) > num::cos(HEADING_LIMIT_DEG * num::PI / 180.0) * a.norm() * b.norm()
 }
 
-/// Nobody else has to look where he goes: people on foot go sideways.
+/// Returns no value for people on foot: they go sideways.
 fn heading(seen: &Seen<'_>) -> Option<f64> {
     if !matches!(seen.track.kind, AgentKind::Vehicle | AgentKind::Cyclist) {
         return None;
@@ -137,7 +137,7 @@ fn heading(seen: &Seen<'_>) -> Option<f64> {
     typical(&askew)
 }
 
-/// A step's way differs from both the one before it and the one behind it where somebody jumps, not where he brakes.
+/// A step differs from both the one before it and the one after it where a road user jumps, not where it brakes.
 fn jump(seen: &Seen<'_>) -> Option<f64> {
     let places: Vec<Option<Vec2>> = seen.track.samples.iter().map(|s| s.as_ref().map(|s| s.position)).collect();
     let steps: Vec<Option<Vec2>> = places.windows(2).map(|w| Some(w[1]? - w[0]?)).collect();
@@ -150,7 +150,7 @@ fn jump(seen: &Seen<'_>) -> Option<f64> {
 }
 
 fn speed(seen: &Seen<'_>) -> Option<f64> {
-    // m/s. Recorded: 34 on a motorway, 6 on a bicycle, 2.7 on foot. Somebody that stands is moved by its label's jitter.
+    // m/s. Recorded: 34 on a motorway, 6 on a bicycle, 2.7 on foot. A road user that stands is moved by its label's jitter.
     let most_mps = match seen.track.kind {
         AgentKind::Vehicle => 75.0,
         AgentKind::Cyclist => 30.0,
@@ -190,7 +190,7 @@ fn against_lane(seen: &Seen<'_>) -> Option<f64> {
     (with + against >= JUDGED_MIN).then(|| against as f64 / (with + against) as f64)
 }
 
-/// The values of one road user, one a row.
+/// The values of one road user, one per row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Values {
     /// Id of the scene.
@@ -221,17 +221,17 @@ pub struct Contradiction {
     pub scene: String,
     /// Id of the road user.
     pub track: String,
-    /// In the row's unit.
+    /// Value in the row's unit.
     pub value: f64,
 }
 
-/// What a check says of all scenes.
+/// Result of a check over all scenes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Checked {
     /// The check.
     #[serde(flatten)]
     pub row: Row,
-    /// Road users of whom it says something.
+    /// Number of road users that it judges.
     pub judged: usize,
     /// The greatest value; `None` where nobody is judged.
     pub greatest: Option<f64>,
@@ -239,7 +239,7 @@ pub struct Checked {
     pub contradictions: Vec<Contradiction>,
 }
 
-/// What each check says of these road users.
+/// Returns the result of each check for these road users.
 pub fn checked(all: &[Values]) -> Vec<Checked> {
     let of = |(ix, row): (usize, &Row)| {
         let judged = all.iter().filter_map(|of| Some((of, of.values.get(ix).copied().flatten()?)));

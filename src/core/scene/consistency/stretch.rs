@@ -7,22 +7,22 @@ use crate::scene::Sample;
 
 /// Least length of a stretch, seconds: ten steps of 0.1 s, or two of 0.5 s, less what recorded times waver.
 const STRETCH_MIN_S: f64 = 0.95;
-/// Between two samples farther apart nobody knows how somebody moved, seconds. nuScenes labels two times a second.
+/// Largest gap between two samples in a stretch, seconds: beyond it the motion is unknown. nuScenes labels two times a second.
 const GAP_MAX_S: f64 = 0.51;
-/// A slower road user says nothing of conventions, m/s: parked cars jitter, and nobody drives backwards faster for long. Below it
+/// Least speed for a judgement of conventions, m/s: parked cars jitter, and nobody drives backwards faster for long. Below it
 /// recorded cars of Lankershim go backwards, and their headings lie up to 178 degrees beside the motion.
 pub const MOVING_MIN_MPS: f64 = 3.0;
-/// Least number of stretches on which something is said of a road user: two seconds at steps of 0.1 s.
+/// Least number of stretches for a judgement of a road user: two seconds at steps of 0.1 s.
 pub const JUDGED_MIN: usize = 10;
 
-/// What somebody did in about a second.
+/// Motion of a road user over about a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stretch {
     /// Index of the sample in its middle.
     pub middle: usize,
     /// How long it takes, seconds.
     pub span_s: f64,
-    /// From its first place to its last, metres.
+    /// Displacement from its first place to its last, metres.
     pub way: Vec2,
     /// The way that the velocities give, metres.
     pub by_velocity: Vec2,
@@ -34,7 +34,7 @@ impl Stretch {
         self.way.norm() / self.span_s
     }
 
-    /// Whether somebody moves, by places or by velocities.
+    /// Returns `true` if the road user moves, by places or by velocities.
     pub fn moves(&self) -> bool {
         self.way_mps().max(self.by_velocity.norm() / self.span_s) >= MOVING_MIN_MPS
     }

@@ -25,7 +25,7 @@ pub enum TrafficFamily {
 }
 
 impl TrafficFamily {
-    /// In the order of their numbers.
+    /// All families, in the order of their numbers.
     pub const ALL: [TrafficFamily; 8] = [
         TrafficFamily::StraightObstacle,
         TrafficFamily::TurningObstacle,
@@ -75,7 +75,7 @@ impl TrafficFamily {
         }
     }
 
-    /// Whether the ego's actors stand at frames of their own (families 5 to 8) rather than along the ego's road.
+    /// Returns `true` if the actors stand at frames of their own (families 5 to 8) rather than along the ego's road.
     pub fn has_spawn_frames(self) -> bool {
         self.number() >= 5
     }

@@ -1,4 +1,4 @@
-//! What a scene of SafeBench's eight traffic families has besides its road: the family, the trigger, and the frames in
+//! Data of a scene of SafeBench's eight traffic families besides its road: the family, the trigger, and the frames in
 //! which its actors are placed.
 
 mod family;

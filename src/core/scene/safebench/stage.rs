@@ -1,5 +1,5 @@
 //! Places along the ego's road at which a family puts its actors: ahead of the trigger, beside the road, in the left
-//! lane, behind the turn. Built once a scene.
+//! lane, behind the turn. Built once per scene.
 
 use super::staging::Staging;
 use crate::kernel::{Polyline, Pose, Vec2, num};
@@ -41,9 +41,9 @@ pub struct Roadside {
 /// A place in the lane to the left of the ego's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeftLane {
-    /// On that lane's centre line, heading as its traffic does.
+    /// Pose on that lane's centre line, heading as its traffic does.
     pub pose: Pose,
-    /// Whether its traffic drives in the ego's direction.
+    /// True if its traffic drives in the ego's direction.
     pub same_direction: bool,
 }
 
@@ -61,12 +61,12 @@ impl<'s> Stage<'s> {
         self.scene
     }
 
-    /// What SafeBench's scenario file says of it.
+    /// Returns the data of SafeBench's scenario file.
     pub fn staging(&self) -> &'s Staging {
         self.staging
     }
 
-    /// Where the actors of families 5 to 8 stand.
+    /// Returns the poses of the actors of families 5 to 8.
     pub fn spawns(&self) -> impl Iterator<Item = Pose> + use<'s> {
         let staging = self.staging;
         staging.spawns.iter().map(move |frame| staging.pose(frame))

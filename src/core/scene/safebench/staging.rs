@@ -1,4 +1,4 @@
-//! Where a family's scenario starts on a route, and where its actors stand, as frames relative to the trigger.
+//! Start of a family's scenario on a route, and places of its actors, as frames relative to the trigger.
 
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +30,7 @@ pub struct Staging {
     pub route: u32,
     /// The trigger point: on the ego's route, heading along it.
     pub trigger: Pose,
-    /// Where the actors of families 5 to 8 stand; empty for the others, whose actors stand along the ego's road.
+    /// Frames of the actors of families 5 to 8; empty for the others, whose actors stand along the ego's road.
     pub spawns: Vec<SpawnFrame>,
 }
 

@@ -181,10 +181,10 @@ impl Round {
     }
 }
 
-/// Where the time of rollouts goes: a pass of its own on one thread that reads a clock at every part's border, so that
-/// the headline figure pays for no clock.
+/// Time that rollouts spend in each of their parts: a separate pass on one thread reads a clock at the border of every
+/// part, so that the headline figure pays for no clock.
 struct Split {
-    /// By [`Part::ALL`], over all rollouts and rounds.
+    /// Seconds of each part, in the order of [`Part::ALL`], summed over all rollouts and rounds.
     seconds: [f64; Part::ALL.len()],
     rollouts: usize,
 }

@@ -38,7 +38,7 @@ pub struct EnvOptions {
 
 /// Share of the scenes as they are, beside those that CAT's parent changes.
 const PLAIN: f64 = 0.3;
-/// What the driver of the benchmark wants, m/s.
+/// Target speed of the benchmark's driver, m/s.
 const SPEED_MPS: f32 = 8.0;
 
 pub fn run(options: &EnvOptions, jobs: usize) -> Result<Answer, Failure> {
@@ -57,7 +57,7 @@ pub fn run(options: &EnvOptions, jobs: usize) -> Result<Answer, Failure> {
         for (places, threads) in widths {
             let mut rates = Vec::new();
             let mut fleet = begun(&tasks, places, setting, threads)?;
-            // As many steps in all, so that a round of one environment is long enough to be timed.
+            // As many steps in total, so that a round of one environment is long enough to be timed.
             let steps = options.steps * (options.places / places).clamp(1, 100);
             let mut ended = 0;
             for _ in 0..options.repeats.max(1) {
@@ -113,7 +113,7 @@ fn begun(tasks: &Arc<Tasks>, places: usize, setting: Setting, threads: &Threads)
     Ok(fleet)
 }
 
-/// So many steps of every environment; how many episodes ended.
+/// Drives this many steps of every environment; returns the number of episodes that ended.
 fn driven(
     fleet: &mut Fleet,
     steps: usize,

@@ -1,4 +1,4 @@
-//! What it costs to observe: rollouts of an ego that also makes the observation of a learned one at every step.
+//! Cost of observing: rollouts of an ego that also makes the observation of a learned ego at every step.
 
 use crate::ego::{Policy, Setting};
 use crate::sim::{Control, Driver, Plant, View};

@@ -114,7 +114,7 @@ fn one_record(options: &ShardsOptions, threads: &Threads) -> Result<(RolloutReco
     Err(Failure::bad_input("no scene of the pool can be driven by the IDM ego"))
 }
 
-/// Gathers and writes what a run of so many rollouts would miss.
+/// Gathers and writes what a run of this many rollouts would miss.
 fn plan(options: &ShardsOptions, program: &Program, study: &StudyMark) -> Result<Vec<PathBuf>, Failure> {
     let wanted = Wanted::default();
     let mut left = options.rollouts;

@@ -1,4 +1,4 @@
-//! What planners printed, on the terminal once: one that is broken says the same in every scene.
+//! Shows each text that planners print once on the terminal: a broken planner prints the same in every scene.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -6,15 +6,15 @@ use std::sync::{Mutex, PoisonError};
 use crate::cli::scenes::left_out::without_numbers;
 use crate::cli::terminal::answer::progress;
 
-/// What was printed so far. Dropped, it says how many were like those that it showed.
+/// Texts printed so far. When it is dropped, it says how many further texts were like those that it showed.
 #[derive(Debug, Default)]
 pub struct Printed {
-    /// By the text without its numbers: about whom it was first, and how many came after it.
+    /// Keyed by the text without its numbers: whom the first such text was about, and how many followed it.
     shown: Mutex<BTreeMap<String, (String, usize)>>,
 }
 
 impl Printed {
-    /// Whether nothing like it was printed before; if so it is to be shown.
+    /// Returns `true` if nothing like it was printed before, so that it is to be shown.
     pub fn is_new(&self, about: &str, printed: &str) -> bool {
         let mut shown = self.shown.lock().unwrap_or_else(PoisonError::into_inner);
         match shown.get_mut(&without_numbers(printed)) {

@@ -16,17 +16,17 @@ use crate::kernel::{Digest, Threads};
 use crate::shard::{Merge, ResultFile, Shard, ShardError, TaskOutcome, Untrue};
 use crate::store::{self, Scratch};
 
-/// What an audit found.
+/// Result of an audit.
 pub struct Audited {
     /// Tasks that were computed again.
     pub checked: usize,
     /// Results in which nothing was found.
     pub usable: Vec<PathBuf>,
-    /// What others held that is not true, one of each.
+    /// Results of others that are not true, each with one error.
     pub untrue: Vec<(PathBuf, ShardError)>,
 }
 
-/// Where tasks are computed again.
+/// Means to compute tasks again.
 pub struct Auditor<'a> {
     pub experiment: &'a Experiment,
     pub study: &'a Study,
@@ -36,15 +36,15 @@ pub struct Auditor<'a> {
 }
 
 impl Auditor<'_> {
-    /// Draws tasks of every result by what came of them, so that nobody can leave out those that are looked at, and does them again.
+    /// Draws tasks of every result by their outcomes, so that nobody knows beforehand which ones are checked, and does them again.
     ///
     /// # Errors
-    /// What keeps this machine from doing a task.
+    /// A reason why this machine cannot do a task.
     pub fn audit(&self, share: f64, merge: &Merge<'_>, results: Vec<PathBuf>) -> Result<Audited, Failure> {
         let scratch = Scratch::under(self.folder, ".audit-")?;
         let mut audited = Audited { checked: 0, usable: Vec::new(), untrue: Vec::new() };
         for (number, path) in results.into_iter().enumerate() {
-            // What cannot be read the merge refuses.
+            // The merge refuses what cannot be read.
             let found = match merge.load(&path) {
                 Ok((shard, result)) => self.untrue(share, &shard, result, &scratch.dir.join(number.to_string()))?,
                 Err(_) => (0, None),
@@ -58,7 +58,7 @@ impl Auditor<'_> {
         Ok(audited)
     }
 
-    /// How many tasks of a result were done again, and the first that came out otherwise.
+    /// Returns the number of tasks of a result that were done again, and the first that came out otherwise.
     fn untrue(
         &self,
         share: f64,

@@ -19,7 +19,7 @@ use crate::llm::{Ask, AskError, Cassette, ModelError, Record, RecordMode, client
 use crate::shard::{Lineage, Need, OnTheWay, Shard, StudyMark, TaskResult};
 use crate::store::{self, Store, Transcript};
 
-/// Whether any machine can ask every model of an experiment: the stand-in, and programs that say what of them has to travel.
+/// Returns `true` if any machine can ask every model of an experiment: the stand-in, and programs that name the files that have to travel.
 pub fn asks_anywhere(experiment: &Experiment) -> bool {
     let reached = |model: &ModelOptions| match model.kind.as_str() {
         client::SCRIPTED | client::DRAWN => true,
@@ -29,8 +29,8 @@ pub fn asks_anywhere(experiment: &Experiment) -> bool {
     experiment::asked(experiment).iter().all(|name| experiment.models.get(*name).is_some_and(reached))
 }
 
-/// How a plan of whole lineages is made: where its own machine asks the models it makes the trials too, on which their questions rest; else
-/// it asks nobody.
+/// Returns how a plan of whole lineages is made. If its own machine asks the models, it also makes the trials on which
+/// their questions rest; otherwise it asks nobody.
 pub fn whole(record: bool, anywhere: bool) -> Whole {
     Whole { tries: record && !anywhere, asked_elsewhere: record && anywhere }
 }
@@ -126,7 +126,7 @@ impl Bench<'_> {
     }
 }
 
-/// Where a model's program cannot be started another machine may have it.
+/// Marks the failure as one of this machine if a model's program cannot be started here: another machine may have it.
 fn lacking_or_not(error: RunError) -> Failure {
     match &error {
         RunError::Agent(AgentError::Ask(AskError::Model { error: ModelError::Lacking { .. }, .. })) => {

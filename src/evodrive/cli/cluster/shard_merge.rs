@@ -69,7 +69,7 @@ fn merge(options: &MergeOptions, target: &Target) -> Result<Answer, Failure> {
     }
     let mut merged = merge.merge(&results)?;
     let asked = keep_asked(&mut merged, folder)?;
-    // Who made something up is named first.
+    // Results that an audit found untrue are named first.
     untrue.append(&mut merged.refused);
     merged.refused = untrue;
     if let (Some(cassette), Some(path), true) = (&cassette, rollouts, merged.answers > 0) {
@@ -114,7 +114,7 @@ fn answer(merged: Merged, (checked, asked): (Option<usize>, usize), named: &str)
         "results": results, "records": records, "known": known, "no_label": no_label, "answers": answers,
         "refused": reasons, "refused_results": files, "audited": checked, "asked": asked,
     });
-    // What could be used was merged; the first refusal is the command's exit code.
+    // All usable results were merged; the first refusal gives the command's exit code.
     let exit = refused.into_iter().next().map_or(Exit::Success, |(_, error)| Failure::from(error).exit);
     Answer { exit, ..Answer::new(text, object) }
 }

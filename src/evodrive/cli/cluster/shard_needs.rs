@@ -1,5 +1,5 @@
-//! What a shard needs besides the study: the files of a planner of one's own, and of programs that answer as models, by digest. They lie
-//! beside the run's experiment, and travel with it.
+//! Files that a shard needs besides the study: those of the user's own planner and of programs that answer as models,
+//! by digest. They lie beside the run's experiment, and travel with it.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -76,7 +76,7 @@ pub fn hold(needs: &[Need], folder: &RunFolder) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Where a needed file lies. Its name came with a shard, and may not lead out of the folder.
+/// Returns the place of a needed file. Its name came with a shard, and may not lead out of the folder.
 fn at(folder: &RunFolder, file: &str) -> Result<PathBuf, Failure> {
     below("the shard", Path::new(file)).map(|name| folder.planner().join(name))
 }

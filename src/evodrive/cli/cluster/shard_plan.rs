@@ -77,7 +77,7 @@ fn planned(options: &PlanOptions, target: &Target) -> Result<Answer, Failure> {
     } else {
         Wanted::new(options.again)
     };
-    // Where workers ask, or nobody, nothing is waited for here.
+    // If workers ask, or nobody does, nothing is waited for here.
     let open = options.open.map(usize::from).or_else(|| models::open_by_default(&job.experiment));
     let open = open.filter(|_| options.record && !asks);
     let needs = shard_needs::gathered(&job.experiment, folder, asks)?;
@@ -98,7 +98,7 @@ fn planned(options: &PlanOptions, target: &Target) -> Result<Answer, Failure> {
         epoch::plan(&study, &mut desk, &walk, &recorded, &wanted)
     };
     let complete = complete?;
-    // Where models were asked the answers to this walk's own questions travel.
+    // If models were asked, the answers to this walk's own questions travel.
     let recorded = asked.as_ref().map(|asked| asked.to_cassette("plan")).transpose()?.unwrap_or(recorded);
     let lineages =
         shard_lineage::shards(&wanted, (&mark, &needs), (&recorded, asks), (&tools(), &held.objects), &study)?;
@@ -119,13 +119,13 @@ fn recorded(path: &std::path::Path, folder: &RunFolder, record: bool) -> Result<
     Ok(cassette)
 }
 
-/// What people call a shard of tasks: its first task's lineage, and how many there are.
+/// Returns a readable name of a shard of tasks: its first task's lineage, and the number of tasks.
 fn of_tasks(shard: &Shard) -> String {
     let lineage = shard.tasks.first().map_or("nothing", |(_, task)| task.lineage().as_str());
     format!("{lineage} {} tasks", shard.tasks.len())
 }
 
-/// What is missing, and where it stands.
+/// Work that is missing, and the shards that hold it.
 struct Planned {
     labels: usize,
     trials: usize,
@@ -133,7 +133,7 @@ struct Planned {
     lineages: usize,
     /// New shards.
     written: usize,
-    /// Shards without a result, with what people call them.
+    /// Shards without a result, with their readable names.
     to_do: BTreeMap<PathBuf, String>,
     /// Missing tasks of shards that have a result: it was not merged.
     unmerged: usize,
@@ -157,7 +157,7 @@ impl Planned {
         for path in files(&folder.shards(), SHARD_ENDING)? {
             let (shard, _) = Shard::load(&path)?;
             mark.check(&shard.study, &path.display().to_string())?;
-            // Of a lineage that stands elsewhere now nothing is missing.
+            // A shard of a lineage that has gone on since misses nothing; those still wanted are in `whole`.
             if shard.lineage.is_some() {
                 continue;
             }

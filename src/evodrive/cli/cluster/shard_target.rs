@@ -32,9 +32,9 @@ pub struct Target {
     pub folder: RunFolder,
     /// Recorded answers of models.
     pub cassette: PathBuf,
-    /// Where recorded rollouts of another simulator go.
+    /// File for recorded rollouts of another simulator.
     pub rollouts: Option<PathBuf>,
-    /// How people call it.
+    /// Path by which people name it.
     pub named: PathBuf,
     /// The folder's lock and store.
     pub held: Held,

@@ -112,7 +112,7 @@ impl Site {
         (threads, open): (&Threads, Option<usize>),
     ) -> Result<Vec<TaskResult>, Failure> {
         let scratch = result.with_file_name(format!(".{}.work", digest.short(16)));
-        // What a killed try left there is gone on with, and a folder of somebody else's is not touched.
+        // The work of a killed try is continued, and a folder of somebody else is not touched.
         let own = OwnDir::open(&scratch, &digest.to_hex())?;
         let store = open_store(&scratch)?;
         let processes = Processes::default();
@@ -126,7 +126,7 @@ impl Site {
             }
         };
         let answers = recorder.as_ref().map(|recorder| recorder as &dyn Answers);
-        // What the store has was not asked of the recorder, and would be missing among the answers.
+        // The recorder is not asked for what the store has, which would then be missing among the answers.
         let mode = if answers.is_some() { Mode::Verify } else { Mode::Reuse };
         let rollouts = Rollouts::new(&store, mode);
         let (study, experiment, folder) = (&self.study, &self.experiment, &self.folder);
@@ -154,7 +154,7 @@ impl Site {
         Ok(results)
     }
 
-    /// Who simulates rollouts here in place of our own simulator.
+    /// Returns what simulates rollouts here in place of our own simulator.
     ///
     /// # Errors
     /// It cannot be started on this machine: another one may have it.

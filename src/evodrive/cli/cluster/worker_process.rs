@@ -27,9 +27,9 @@ const LINES_AHEAD: usize = 2;
 #[derive(Clone, Debug, Default)]
 pub struct Processes {
     interrupt: Interrupt,
-    /// Where what they printed is kept, beside the terminal: a file that no record speaks for.
+    /// File that keeps what they print, beside the terminal: no record speaks for it.
     kept: Option<PathBuf>,
-    /// What is on the terminal already.
+    /// Texts that are on the terminal already.
     printed: Arc<Printed>,
 }
 
@@ -39,7 +39,7 @@ impl Processes {
         Processes { interrupt: interrupt.clone(), ..Processes::default() }
     }
 
-    /// What they print goes into this file, too.
+    /// Writes what they print into this file, too.
     pub fn kept_in(self, file: PathBuf) -> Processes {
         Processes { kept: Some(file), ..self }
     }
@@ -272,7 +272,7 @@ impl Running {
         Ok(Running { child, output, complaints })
     }
 
-    /// What it printed, once it has ended; it is stopped at the deadline, and not long after Ctrl-C.
+    /// Waits for its end and returns what it printed. It is stopped at the deadline, and not long after Ctrl-C.
     fn end(mut self, deadline: Instant, interrupt: &Interrupt, meanwhile: &mut dyn FnMut()) -> Ended {
         let left = || deadline.saturating_duration_since(now());
         let printed = loop {

@@ -1,4 +1,4 @@
-//! What a run will cost, said before it begins, where that is more than a while.
+//! Announces the cost of a run before it begins, if the run will take long.
 
 use std::io::IsTerminal;
 
@@ -11,9 +11,9 @@ use crate::text::counted;
 
 /// Seconds of one thread that a rollout takes with the compiling before it: of the README's run, 12 000 in a minute of one core.
 const ROLLOUT_S: f64 = 0.006;
-/// A learned ego takes so many times as long, because a network drives.
+/// A learned ego takes this many times as long, because a network drives.
 const LEARNED: f64 = 5.0;
-/// What takes longer than this many seconds is announced.
+/// Runs that take longer than this many seconds are announced.
 const LONG_S: f64 = 600.0;
 
 /// Says how much there is to simulate, and on a terminal waits for Enter. Models take time of their own, which nobody knows before.

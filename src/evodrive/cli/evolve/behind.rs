@@ -1,4 +1,4 @@
-//! Where a run's rollouts come from when its experiment names another simulator: its rollout cassette, or the workers.
+//! Sources of a run's rollouts when its experiment names another simulator: its rollout cassette, or the workers.
 
 use std::path::{Path, PathBuf};
 
@@ -56,7 +56,7 @@ impl Asked {
     }
 }
 
-/// Who simulates with a planner that is asked now, or without one.
+/// Returns the backend that simulates, with a planner that is asked now or without one.
 pub fn asked<'a>(asked: Option<&'a Asked>, planners: Option<&'a Planners<'a>>) -> Backend<'a> {
     match (asked, planners) {
         (Some(asked), Some(planners)) => Backend::Other { options: &asked.options, answers: planners },
@@ -64,7 +64,7 @@ pub fn asked<'a>(asked: Option<&'a Asked>, planners: Option<&'a Planners<'a>>) -
     }
 }
 
-/// Where an experiment's rollout cassette lies.
+/// Returns the path of an experiment's rollout cassette.
 pub fn path(experiment: &Experiment) -> Option<PathBuf> {
     experiment.simulator.backend.as_ref().map(|backend| experiment.beside(&backend.cassette))
 }
@@ -82,7 +82,7 @@ pub fn replay_of(experiment: &Experiment, folder: &RunFolder) -> Result<Option<R
     Ok(Some(Replay::new(load(options, &folder.rollouts(), &remedy)?, remedy)))
 }
 
-/// What was recorded before at a place; nothing where there is no file, or everything is asked anew.
+/// Reads what was recorded before at a place; nothing if there is no file, or if everything is asked anew.
 pub fn recorded(options: &BackendOptions, path: &Path, fresh: bool) -> Result<RolloutCassette, Failure> {
     if fresh || !path.exists() {
         return Ok(RolloutCassette::new(path.display().to_string(), Header::of(options)));

@@ -1,4 +1,4 @@
-//! What carrying a run out cost: the clock, the table on stderr, and `cost.json` in the run folder.
+//! Cost of carrying out a run: the clock, the table on stderr, and `cost.json` in the run folder.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -26,7 +26,7 @@ pub fn clock() -> impl Fn() -> Duration + Sync {
     move || start.elapsed()
 }
 
-/// What the meter found, the study's lineages in order.
+/// Returns the cost that the meter found, with the study's lineages in order.
 pub fn of(study: &Study, tools: &Tools<'_>) -> RunCost {
     let spent: BTreeMap<LineageId, Work> = tools.meter.lineages();
     let (reused, simulated) = tools.rollouts.counts();

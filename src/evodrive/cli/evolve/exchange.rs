@@ -23,7 +23,7 @@ pub struct Options {
 
 pub fn run(command: &Command) -> Result<Answer, Failure> {
     let Command::Status(options) = command;
-    // Who asks this while a recording waits means that one, not the latest run that ended.
+    // A user who asks this while a recording waits means that recording, not the latest run that ended.
     let folder = options.run.unfinished_or_latest()?;
     let mut entries: Vec<Entry> = Vec::new();
     for dir in folders(&folder)? {

@@ -9,7 +9,7 @@ use crate::kernel::Threads;
 use crate::llm::{Cassette, Replay};
 use crate::store::{Store, Transcript, read_events};
 
-/// What `look` sees of the run once it is sealed.
+/// Carries out the run and returns what `look` sees of it once it is sealed.
 pub fn carried_out<T>(clock: Option<Clock<'_>>, look: impl FnOnce(&Study, &RecordedRun, &Desk<'_>) -> T) -> T {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml");
     let mut experiment = Experiment::read(&file).unwrap();

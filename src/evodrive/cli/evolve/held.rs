@@ -14,11 +14,11 @@ pub struct Held {
     pub objects: Store,
     /// The folder as one that this command made, if it did.
     made: Option<Made>,
-    /// Whether it made the folder of run folders above it, too.
+    /// True if it made the folder of run folders above it, too.
     made_runs: bool,
 }
 
-/// What stands in the mark of a run folder whose first command is under way.
+/// Content of the mark of a run folder whose first command is under way.
 const MADE: &str = "run";
 
 impl Held {
@@ -41,8 +41,8 @@ impl Held {
         }
     }
 
-    /// What a command came to. One that failed leaves no folder that it made itself, unless it was interrupted, or `keeps` says
-    /// that the folder holds what cannot be made again: then the message says how to go on.
+    /// Passes on the result of a command. A failed command leaves no folder that it made itself, unless it was
+    /// interrupted, or `keeps` says that the folder holds what cannot be made again: then the message says how to go on.
     pub fn or_gone<T>(&self, came_to: Result<T, Failure>, keeps: fn(&RunFolder) -> bool) -> Result<T, Failure> {
         let Held { folder, made, made_runs, .. } = self;
         let failure = match came_to {
@@ -51,7 +51,7 @@ impl Held {
         };
         if keeps(folder) {
             let go_on = resume_command(&folder.dir);
-            // Who knows a better way has named it; and this folder is that of the planner as it was.
+            // A failure that knows a better way has named it; and this folder belongs to the planner before its repair.
             if failure.is_planners || failure.message.contains(&go_on) {
                 return Err(failure);
             }

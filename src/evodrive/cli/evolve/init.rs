@@ -35,7 +35,7 @@ pub struct Options {
     /// Proposals of an epoch; 6 without it.
     #[arg(long)]
     pub slots: Option<i64>,
-    /// Scenes that stay closed until evolution is over; without it a fifth, and 20 at least where half of the scenes are so many.
+    /// Number of scenes that stay closed until evolution is over; without it a fifth, and at least 20 if half of the scenes are that many.
     #[arg(long)]
     pub held_out: Option<usize>,
     /// Your planner as the ego under test: a program, or a .py file with the helper evodrive_driver.py beside it.
@@ -52,7 +52,7 @@ fn family(word: &str) -> Result<String, Infallible> {
     Ok(family_named(word))
 }
 
-/// Reads the scenes, so that what cannot be used is told now and the split fits them.
+/// Reads the scenes, so that unusable ones are reported now and the split fits them.
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let path = PathBuf::from(format!("{}.toml", options.name));
     if store::is_taken(&path) {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use crate::cli::records::{folder::RUNS, run_name::OneRun};
 
-/// What is carried out, and from which answers.
+/// Experiment to carry out, and the answers to use.
 #[derive(Debug, Args)]
 pub struct JobArgs {
     /// Experiment file, e.g. experiments/quickstart.toml.
@@ -53,10 +53,10 @@ pub struct RecordArgs {
 pub struct ResumeArgs {
     #[command(flatten)]
     pub run: OneRun,
-    /// Of a recording: write it into this cassette, instead of the one that it was begun for.
+    /// Cassette for the recording, instead of the one that it was begun for.
     #[arg(long, value_name = "FILE")]
     pub cassette: Option<PathBuf>,
-    /// Of a recording: questions that are open together, as in `record`.
+    /// Number of questions of a recording that are open together, as in `record`.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub open: Option<u16>,
 }

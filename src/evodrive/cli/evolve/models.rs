@@ -68,8 +68,8 @@ pub fn askable(
 /// Most questions that wait in an exchange at the same time, where nobody says otherwise: each has a thread that waits with it.
 const OPEN: usize = 256;
 
-/// How many questions are open together without `--open`; `None`: as many as there are threads. Whoever answers through files
-/// chooses what to answer first, so all that can be asked is there to be read.
+/// Returns the number of questions that are open together without `--open`; `None`: as many as there are threads.
+/// Whoever answers through files chooses what to answer first, so all that can be asked is there to be read.
 pub fn open_by_default(experiment: &Experiment) -> Option<usize> {
     let used = experiment::asked(experiment);
     let through_files =
@@ -77,7 +77,7 @@ pub fn open_by_default(experiment: &Experiment) -> Option<usize> {
     experiment.models.iter().any(through_files).then_some(OPEN)
 }
 
-/// Where a program tries drafts of its answers.
+/// Opens the folder in which a program tries drafts of its answers.
 fn desk(folder: &RunFolder, model: &str, fresh: Option<&str>) -> Result<Desk, Failure> {
     store::create_plain_dir(&folder.tries()).map_err(Failure::bad_input)?;
     Desk::open(&folder.tries().join(asked_in(model, fresh))).map_err(Failure::bad_input)

@@ -1,5 +1,5 @@
-//! Whether a cassette was recorded on other scenes than the ones at hand. Its questions show the scenes of their windows by their
-//! ids, so this is known before a run folder is made or a rollout is simulated.
+//! Detects a cassette that was recorded on other scenes than the ones at hand. Its questions show the scenes of their
+//! windows by their ids, so this is known before a run folder is made or a rollout is simulated.
 
 use std::collections::BTreeSet;
 
@@ -9,11 +9,11 @@ use crate::llm::Cassette;
 use crate::scene::Pool;
 use crate::text::counted;
 
-/// What can be done about it.
+/// Advice on such a cassette.
 const REMEDY: &str = "take the scenes that it was recorded on (--scenes), or name by --cassette FILE the one that was recorded on \
                       these, or a new file for `evodrive record`";
 
-/// Says so where no question of the cassette is about scenes of this pool alone. A cassette may hold several recordings: one that
+/// Returns a message if no question of the cassette is about scenes of this pool alone. A cassette may hold several recordings: one that
 /// fits is enough.
 pub fn difference(cassette: &Cassette, pool: &Pool) -> Option<String> {
     let known: BTreeSet<&str> = pool.scenes.iter().map(|scene| scene.id.as_str()).collect();
@@ -36,10 +36,10 @@ pub fn difference(cassette: &Cassette, pool: &Pool) -> Option<String> {
     ))
 }
 
-/// Refuses to replay such a cassette: its first answer would be missing, after the work of coming there.
+/// Refuses to replay such a cassette: its first answer would be missing, after the work up to that question.
 ///
 /// # Errors
-/// What [`told`] says, as a missing answer.
+/// The message of [`difference`], as a missing answer.
 pub fn check(cassette: &Cassette, pool: &Pool) -> Result<(), Failure> {
     difference(cassette, pool).map_or(Ok(()), |what| Err(Failure::miss(what)))
 }

@@ -1,4 +1,4 @@
-//! What a recording may write over: a cassette holds answers that were paid for, and no other copy of them may exist.
+//! Decides what a recording may write over: a cassette holds answers that were paid for, and no other copy of them may exist.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -13,10 +13,10 @@ use crate::llm::Cassette;
 use crate::objects::world_audit::WORLD_LINE;
 use crate::scene::Pool;
 
-/// What a message proposes where a cassette would be lost.
+/// Advice of a message where a cassette would be lost.
 const REMEDY: &str = "name another cassette (in the file, or by --cassette FILE), or add --overwrite to replace it";
 
-/// A cassette before a recording: what of it must be there afterwards.
+/// A cassette before a recording, with the exchanges that must be there afterwards.
 pub struct Held<'a> {
     path: &'a Path,
     exchanges: BTreeSet<Digest>,
@@ -27,7 +27,7 @@ impl<'a> Held<'a> {
     /// a cassette whose answers this experiment cannot ask for.
     ///
     /// # Errors
-    /// A cassette of other lineages, of another version or of other scenes; one that cannot be read and would be gone on with.
+    /// A cassette of other lineages, of another version or of other scenes; one that cannot be read and would be continued.
     pub fn before(
         recording: &'a Recording,
         experiment: &Experiment,
@@ -85,7 +85,7 @@ impl<'a> Held<'a> {
     }
 }
 
-/// What tells that a cassette is another experiment's or another version's.
+/// Returns what shows that a cassette belongs to another experiment or another version, if anything does.
 fn foreign(there: &Cassette, experiment: &Experiment) -> Option<String> {
     let mut exchanges = there.exchanges().iter();
     if let Some(other) = exchanges.clone().find(|of| of.adapter_version != ADAPTER_VERSION) {

@@ -37,7 +37,7 @@ pub struct Options {
     pub job: JobArgs,
 }
 
-/// Where the walk ended.
+/// Point at which the walk ended.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum End {
     /// At the end of the run.
@@ -52,7 +52,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let job = Job::new(&options.job, jobs)?;
     let path = job.cassette(&options.job);
     let cassette = if path.exists() { Cassette::load(&path)? } else { Cassette::new(path.display().to_string()) };
-    // Nothing of it will be used: what the plan says is missing is everything.
+    // None of its answers will be used: the plan then says that everything is missing.
     other_pool::difference(&cassette, &job.scenes).into_iter().for_each(progress);
     let held = job.open_folder(None)?;
     held.or_gone(planned(options, job, &held, &cassette), |_| false)
@@ -106,7 +106,7 @@ fn walk(
     }
 }
 
-/// What was found.
+/// Result of the walk.
 struct Planned<'a> {
     /// The cassette that a recording should take, where it is not the one that was looked at.
     own: Option<&'a Path>,
@@ -143,7 +143,7 @@ impl Planned<'_> {
         Answer { exit, ..Answer::new(self.text(&money), object) }
     }
 
-    /// Recorded answers that the walk did not come to: for questions of another version, or behind where it stopped.
+    /// Recorded answers that the walk did not reach: for questions of another version, or beyond the point where it stopped.
     fn not_asked_for(&self) -> usize {
         let asked = |key| self.seen.answered.iter().any(|(_, answered)| answered == key);
         self.cassette.exchanges().iter().filter(|of| !asked(&of.key)).count()

@@ -1,5 +1,5 @@
-//! What recording the rest would ask for and cost. Three numbers, which rest on different things: questions that are known,
-//! what is likely by the occasions that were walked through, and the most that the budget allows.
+//! Questions and cost of recording the rest. Three numbers rest on different things: questions that are known, what is
+//! likely by the occasions that were walked through, and the most that the budget allows.
 
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,7 +13,7 @@ use crate::objects::Role;
 /// Bytes that are taken for a token where no provider counted.
 const BYTES_A_TOKEN: u64 = 4;
 
-/// What questions of one role come to.
+/// Number and cost of the questions of one role.
 #[derive(Clone, Debug, Serialize)]
 pub struct RoleCost {
     pub role: &'static str,
@@ -21,9 +21,9 @@ pub struct RoleCost {
     pub model: String,
     /// Questions that are known to be missing: the first one without an answer on each occasion.
     pub known: u64,
-    /// As many as such occasions came to on average; `null` where none was walked through.
+    /// Questions that are likely, by the average of such occasions; `null` where none was walked through.
     pub likely: Option<u64>,
-    /// As many as the budget allows.
+    /// Most questions that the budget allows.
     pub at_most: u64,
     /// Tokens of a question and of an answer, means.
     pub input_tokens: f64,
@@ -46,7 +46,7 @@ impl RoleCost {
     }
 }
 
-/// Where on an occasion a question stands, without role and round.
+/// Place of a question on an occasion, without role and round.
 type Place = (&'static str, String, u32, u32);
 
 /// The rest of a study, role by role.

@@ -17,10 +17,10 @@ pub struct Question {
     pub bytes: u64,
 }
 
-/// What was asked so far.
+/// Questions that were asked so far.
 #[derive(Debug, Default)]
 pub struct Seen {
-    /// By slot and key, so that no order of threads is seen.
+    /// By slot and key, so that the order of threads does not show.
     pub answered: BTreeSet<(DrawSlot, Digest)>,
     pub missing: BTreeMap<(DrawSlot, Digest), Question>,
 }

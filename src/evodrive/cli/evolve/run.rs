@@ -70,7 +70,7 @@ fn replayed(
     if folder.card()?.recording.is_some() {
         return Err(interrupted(folder));
     }
-    // The cassette of a run that is there stays until this one has come to the same events.
+    // The cassette of an existing run stays until this run has derived the same events.
     if !folder.cassette().exists() {
         store::copy(path, &folder.cassette())?;
     }
@@ -111,7 +111,7 @@ enum RunMode {
 }
 
 impl RunMode {
-    /// Which rollouts are simulated. What the store has was not asked of another simulator, and would be missing in its cassette.
+    /// Returns which rollouts are simulated. Another simulator is not asked for what the store has, which would then be missing in its cassette.
     fn mode(self, elsewhere: bool) -> Mode {
         match self {
             RunMode::Verify { .. } => Mode::Verify,
@@ -120,12 +120,12 @@ impl RunMode {
         }
     }
 
-    /// Whether a finished run is compared with, and stays as it is.
+    /// Returns `true` if a finished run is compared with, and stays as it is.
     fn compares(self) -> bool {
         matches!(self, RunMode::Check | RunMode::Verify { .. })
     }
 
-    /// Whether another simulator's rollouts are recorded motion that is summed up again.
+    /// Returns `true` if another simulator's rollouts are recorded motion that is summed up again.
     fn sums_up_again(self) -> bool {
         !matches!(self, RunMode::Record { .. })
     }
@@ -139,7 +139,7 @@ impl RunMode {
     }
 }
 
-/// Where a run's answers and rollouts come from.
+/// Sources of a run's answers and rollouts.
 struct Sources<'a> {
     way: RunMode,
     ask: &'a dyn Ask,
@@ -217,7 +217,7 @@ fn carry_out_recording(
     let open = open.map(usize::from).or_else(|| models::open_by_default(&job.experiment));
     let sources = Sources { way, ask: &recorder, open, rollouts: asked };
     let done = carry_out(job, folder, objects, &sources, interrupt)?;
-    // The report comes behind the cassette: what was answered must not hang on a drawing.
+    // The report comes after the cassette: no drawing may keep the answers from being saved.
     let cassette = recorder.into_cassette(&name, &[])?;
     cassette.save(&folder.cassette(), &name)?;
     there.lost(&cassette, folder)?;
@@ -235,7 +235,7 @@ fn carry_out_recording(
     done.summary(folder, way, asked)
 }
 
-/// What to do about a planner that stopped its recording: repaired it is another ego, whose recording is a new one.
+/// Adds what to do about a planner that stopped its recording: once repaired it is another ego, whose recording is a new one.
 fn repair(mut failure: Failure, interrupt: &Interrupt, record: &str) -> Failure {
     failure.is_planners &= !interrupt.is_asked();
     if failure.is_planners {
@@ -379,7 +379,7 @@ fn again(folder: RunFolder, jobs: usize, way: RunMode) -> Result<Answer, Failure
     done.summary(&folder, way, rollouts)
 }
 
-/// What a run starts from.
+/// Inputs of a run.
 pub(in crate::cli) struct Job {
     pub experiment: Experiment,
     pub scenes: Pool,
@@ -570,7 +570,7 @@ fn transcript(folder: &RunFolder, way: RunMode, threads: &Threads) -> Result<Tra
     Ok(log.map_or_else(|| Transcript::create(&path), Ok)?)
 }
 
-/// Whether `result.json` is what the events say.
+/// Checks that `result.json` is what the events say.
 fn compare_result(folder: &RunFolder, text: &[u8]) -> Result<(), Failure> {
     let path = folder.result();
     // As `fsck` reads it: spaces and line feeds mean nothing.
@@ -601,7 +601,7 @@ struct Done {
 }
 
 impl Done {
-    /// What is said of it at its end, with its report where one is wanted.
+    /// Returns what is said of the run at its end, and writes its report if one is wanted.
     fn summary(&self, folder: &RunFolder, way: RunMode, rollouts: Option<&dyn Answers>) -> Result<Answer, Failure> {
         let run = folder.recorded_on(Some(&self.threads))?;
         if way.reports() {

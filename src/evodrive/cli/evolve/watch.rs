@@ -19,10 +19,10 @@ use crate::store;
 /// How soon Ctrl-C is noticed.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// A page of a large run takes seconds to make: the pause behind it is at least so many times as long.
+/// A page of a large run takes seconds to make: the pause after it is at least this many times as long.
 const PAUSE_TIMES: u32 = 4;
 
-/// Without an event for so long whoever watches is told how to go on.
+/// After this long without an event, the user is told how to go on.
 const SILENT: Duration = Duration::from_secs(60);
 
 /// Which run is watched.
@@ -130,7 +130,7 @@ fn standing(run: &RecordedRun, experiment: &Experiment) -> String {
     format!("{} of {} proposals are finished{}", run.attempts.len(), proposals(experiment), settled.unwrap_or_default())
 }
 
-/// Whether the pause went by without Ctrl-C.
+/// Waits for the pause and returns `true` if it went by without Ctrl-C.
 fn waited(pause: Duration, interrupt: &Interrupt) -> bool {
     let mut left = pause;
     while !left.is_zero() && !interrupt.is_asked() {

@@ -21,10 +21,10 @@ use crate::text::counted;
 /// Characters of a value that a line shows.
 const SHOWN_CHARS: usize = 60;
 
-/// Below so many scenes a bootstrap over them promises too much.
+/// Number of scenes below which a bootstrap over them promises too much.
 const FEW_SCENES: usize = 10;
 
-/// What may be compared besides whole runs.
+/// Wording of what may be compared: whole runs, and parts of them.
 const PARTS: &str = "Two runs, lineages (RUN:cat-idm, with all its seeds) or programs (RUN:cat-idm/e0s3, RUN:cat-idm/parent); RUN is a run's \
                      folder, its name below runs/, or the beginning of either";
 
@@ -80,9 +80,9 @@ pub struct Blocks {
     pub searches: Vec<Searched>,
     /// The programs behind them.
     pub pairs: Vec<[SolutionId; 2]>,
-    /// Whether the two measure attack alike; where not, no row has it.
+    /// True if the two measure attack alike; if not, no row has it.
     pub one_attack: bool,
-    /// What was left out, and why.
+    /// Parts that were left out, and why.
     pub notes: Vec<String>,
 }
 
@@ -95,12 +95,12 @@ pub struct Searched {
 }
 
 impl Searched {
-    /// What is pooled stands before the seeds.
+    /// Returns the blocks, the pooled one before the seeds.
     fn rows(self) -> impl Iterator<Item = (String, Block)> {
         self.pooled.into_iter().chain(self.seeds)
     }
 
-    /// What stands for the search: the pooled block with its number of seeds, or each seed where nothing is pooled.
+    /// Returns the blocks that stand for the search: the pooled one with its number of seeds, or each seed if nothing is pooled.
     pub fn summary(self) -> Vec<(String, Block, usize)> {
         let count = self.seeds.len();
         match self.pooled {
@@ -110,7 +110,7 @@ impl Searched {
     }
 }
 
-/// What two sides come to, paired by scene.
+/// Compares two sides, paired by scene.
 ///
 /// # Errors
 /// No search of the same name, or no scene that both have labels of.
@@ -236,7 +236,7 @@ fn below(value: &Value, place: String, found: &mut BTreeMap<String, String>) {
 /// Names of quantities that are shares of scenes.
 const SHARES: [&str; 3] = ["attack", "coverage", "any crash"];
 
-/// Where all scenes agree, so that the bootstrap has no spread to show.
+/// Returns a sentence if all scenes agree, so that the bootstrap has no spread to show.
 fn alike(rows: &[(String, Block)]) -> Option<String> {
     let mut alike = AllAlike::default();
     for (_, of) in rows {

@@ -1,4 +1,4 @@
-//! What `compare` puts beside each other: the two programs that are named, or lineages of one name, seed by seed.
+//! Finds the pairs that `compare` puts beside each other: the two programs that are named, or lineages of one name, seed by seed.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -43,7 +43,7 @@ pub struct Search {
     pub pairs: Vec<Pair>,
 }
 
-/// What is compared, and what is not.
+/// Searches that are compared, and notes on what is not.
 pub struct Pairs {
     pub searches: Vec<Search>,
     pub notes: Vec<String>,
@@ -94,7 +94,7 @@ impl Side {
     }
 }
 
-/// What is compared with what: the two that are named, or searches of one name, by seed.
+/// Returns the pairs to compare: the two that are named, or searches of one name, by seed.
 ///
 /// # Errors
 /// No search has the same name in both.

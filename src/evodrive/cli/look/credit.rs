@@ -92,7 +92,7 @@ struct How<'a> {
     driver: Option<&'a Path>,
 }
 
-/// What edits of these programs account for, by rollouts. Of whole patches the run's folder keeps it.
+/// Returns what edits of these programs account for, by rollouts. For whole patches the run's folder keeps the result.
 fn played(
     how: &How<'_>,
     (folder, run): (&RunFolder, &RecordedRun),
@@ -112,7 +112,7 @@ fn played(
     Ok(credits)
 }
 
-/// Of all programs that a run reports: what its folder keeps, and rollouts for those that are missing there.
+/// Returns the credit of all programs that a run reports, from its folder, and by rollouts for those that are missing there.
 pub fn of_reported(folder: &RunFolder, run: &RecordedRun, threads: &Threads) -> Result<Vec<Credit>, Failure> {
     let programs = reported(run, &folder.read_experiment()?.selector, None);
     let mut credits = kept_credit::kept(folder, run)?;
@@ -124,13 +124,13 @@ pub fn of_reported(folder: &RunFolder, run: &RecordedRun, threads: &Threads) -> 
     Ok(credits)
 }
 
-/// Whether it says what the chain came to edit by edit: what an earlier version kept does not.
+/// Returns `true` if the credit holds what the chain came to edit by edit, which a credit kept by an earlier version does not.
 fn knows_the_way(credit: &Credit) -> bool {
     credit.edits.iter().all(|edit| edit.so_far.is_some())
 }
 
-/// Of the program that a finished lineage reports: what the run's folder keeps, or rollouts. `None` where the parent is reported, the run is
-/// unfinished, another simulator labelled it, or its protocol is SafeBench's, whose archive is of many programs.
+/// Returns the credit of the program that a finished lineage reports, from the run's folder or by rollouts. `None` if the parent is
+/// reported, the run is unfinished, another simulator labelled it, or its protocol is SafeBench's, whose archive holds many programs.
 pub fn of_lineage(
     folder: &RunFolder,
     run: &RecordedRun,
@@ -150,14 +150,14 @@ pub fn of_lineage(
     }
 }
 
-/// Whether a parent is of the lineage of this name, or of one of its seeds.
+/// Returns `true` if a parent is of the lineage of this name, or of one of its seeds.
 fn is_of(run: &RecordedRun, parent: &ParentAdopted, name: &str) -> bool {
     let seeds = run.result.iter().flat_map(|result| &result.lineages).filter(|of| of.group.as_str() == name);
     parent.lineage.as_str() == name || seeds.into_iter().any(|of| of.lineage == parent.lineage)
 }
 
-/// The programs that a finished run reports, without parents; of an unfinished one those that lineages stand at. Of one lineage
-/// where it is named.
+/// Returns the programs that a finished run reports, without parents; for an unfinished run those at which its lineages
+/// stand. If a lineage is named, only its programs.
 fn reported(run: &RecordedRun, selector: &SelectorOptions, lineage: Option<&String>) -> Vec<SolutionId> {
     let of = |parent: &ParentAdopted| {
         let choice = Choice::of(run, &parent.lineage, selector).map(|choice| choice.chosen);
@@ -256,7 +256,7 @@ fn credit(
     if hash(&whole)? != end {
         return Err(Failure::divergence(format!("{solution}: its patches on its parent give another program")));
     }
-    // Up to an edit of the chain, the edit too.
+    // Up to an edit of the chain, including the edit.
     let so_far = |edit: &Edit| way.with(source, |place| edit.places.last().is_none_or(|last| place <= *last));
     let without = |edit: &Edit| way.with(source, |place| !edit.places.contains(&place));
     let alone = |edit: &Edit| way.with(source, |place| edit.places.contains(&place));

@@ -26,7 +26,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     Ok(Answer::new(text(&differences, &experiments), json!(differences)))
 }
 
-/// What the kept experiment files differ in.
+/// Returns the differences between the kept experiment files.
 fn experiments(first: &RunFolder, second: &RunFolder) -> Result<String, Failure> {
     let read = |folder: &RunFolder| -> Result<String, Failure> {
         let bytes = store::read_bounded(&folder.experiment(), EXPERIMENT_BYTES_MAX)?;

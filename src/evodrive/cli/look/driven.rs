@@ -1,4 +1,4 @@
-//! An episode that was driven from outside, as a rollout to be shown: simulated again from its controls, and held to its record.
+//! An episode that was driven from outside, as a rollout to be shown: simulated again from its controls, and compared with its record.
 
 use serde::Deserialize;
 use std::path::Path;
@@ -19,7 +19,7 @@ const BYTES_MAX: u64 = 1 << 28;
 /// Name and version of the format.
 const FORMAT: &str = "evodrive-episode/1";
 
-/// What `evodrive.gym` writes of an episode.
+/// An episode as `evodrive.gym` writes it.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Driven {

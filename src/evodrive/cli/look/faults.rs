@@ -1,5 +1,5 @@
-//! Who is at fault for the held-out contacts of a run that was labelled without that question: parents and reported programs are played there
-//! again, and what comes out stands beside their labels. It is reported and nothing is searched by it.
+//! Finds who is at fault for the held-out contacts of a run that was labelled without that question: parents and reported programs
+//! are played there again, and the answers stand beside their labels. They are reported, and nothing is searched by them.
 
 use std::collections::{BTreeMap, BTreeSet};
 

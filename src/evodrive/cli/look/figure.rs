@@ -40,7 +40,7 @@ pub struct Options {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Which {
-    /// What patches edit, by part and by kind (fig:patch-surface-distribution).
+    /// Edits of patches, by part and by kind (fig:patch-surface-distribution).
     PatchSurface,
     /// Candidates in random order and in the world evaluator's order (fig:world-sidecar).
     WorldSidecar,

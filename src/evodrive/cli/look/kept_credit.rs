@@ -1,4 +1,4 @@
-//! What `credit` worked out of a run stands beside its events in credit.json, so that a report shows it without a rollout.
+//! Keeps what `credit` worked out of a run in credit.json, beside the run's events, so that a report shows it without a rollout.
 
 use crate::cli::records::folder::RunFolder;
 use crate::cli::records::kept::KeptFile;
@@ -11,17 +11,17 @@ fn file(folder: &RunFolder) -> KeptFile {
     KeptFile { path: folder.credit(), word: "credit", again: "evodrive credit" }
 }
 
-/// What the folder keeps of this run; nothing where it was worked out of another one, or not at all.
+/// Reads what the folder keeps of this run; nothing if it was worked out of another run, or not at all.
 ///
 /// # Errors
-/// A file whose numbers were changed. One that cannot be read is told, and done without: nothing rests on it.
+/// A file whose numbers were changed. A file that cannot be read is reported and then ignored: nothing rests on it.
 pub fn kept(folder: &RunFolder, run: &RecordedRun) -> Result<Vec<Credit>, Failure> {
     Ok(file(folder).read(run.root)?.unwrap_or_default())
 }
 
 /// Adds what was worked out; a program's earlier entry goes.
 pub fn keep(folder: &RunFolder, run: &RecordedRun, credits: &[Credit]) -> Result<(), Failure> {
-    // What cannot be read is written anew.
+    // A file that cannot be read is written anew.
     let mut all = kept(folder, run).unwrap_or_default();
     all.retain(|of| credits.iter().all(|new| new.program != of.program));
     all.extend(credits.iter().cloned());

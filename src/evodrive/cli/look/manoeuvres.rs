@@ -1,4 +1,4 @@
-//! What road users do in the scenes that a chosen program gains, measured in its rollouts, which are simulated again.
+//! Manoeuvres of road users in the scenes that a chosen program gains, measured in its rollouts, which are simulated again.
 
 use std::collections::BTreeMap;
 
@@ -14,10 +14,10 @@ use crate::sim::{ActorRef, Trace};
 /// Rollouts that are looked at, a program: enough for what most of them do.
 const LOOKED_AT_MAX: usize = 24;
 
-/// Farther from where it was recorded a road user has left its recorded motion, metres.
+/// Distance from the recorded position beyond which a road user has left its recorded motion, metres.
 const LEFT_M: f64 = 0.3;
 
-/// Of each program that the report shows and that is not its lineage's parent.
+/// Returns the manoeuvres of each program that the report shows and that is not its lineage's parent.
 pub fn of(player: &Player<'_>, run: &RecordedRun, threads: &Threads) -> BTreeMap<SolutionId, Gained> {
     let study = player.study;
     let shown = report::shown(run);
@@ -50,7 +50,7 @@ pub fn of(player: &Player<'_>, run: &RecordedRun, threads: &Threads) -> BTreeMap
     gained
 }
 
-/// Of one rollout; `None` where it does not come out as the record has it, or cannot be played here.
+/// Returns the manoeuvre of one rollout; `None` if it does not come out as recorded, or cannot be played here.
 fn seen(
     player: &Player<'_>,
     run: &RecordedRun,
@@ -62,7 +62,7 @@ fn seen(
     manoeuvre(player.study.scenes[place].scene(), &motion, contact.with)
 }
 
-/// What one did up to the end of the rollout; `None` of one who only moves as recorded.
+/// Returns what a road user did up to the end of the rollout; `None` for one that only moves as recorded.
 fn manoeuvre(scene: &Scene, motion: &Trace, whose: ActorRef) -> Option<Manoeuvre> {
     let actor = motion.actors.iter().find(|actor| actor.actor == whose)?;
     let log = match actor.actor {
@@ -109,7 +109,7 @@ fn manoeuvre(scene: &Scene, motion: &Trace, whose: ActorRef) -> Option<Manoeuvre
 fn from_path_m(log: &Track, point: Vec2) -> f64 {
     let points: Vec<Vec2> = log.samples.iter().flatten().map(|sample| sample.position).collect();
     let nearest = points.iter().map(|at| at.distance(point)).fold(f64::INFINITY, f64::min);
-    // Who stands has no way, and jitters.
+    // A standing road user has no way, and jitters.
     let Some(way) = Polyline::new(points).ok().filter(|way| way.length_m() > 1.0) else { return nearest };
     let at = way.project(point);
     if at.s_m <= 0.0 || at.s_m >= way.length_m() {

@@ -11,7 +11,7 @@ use crate::evidence::{RecordedRun, agreement};
 use crate::kernel::Threads;
 use crate::store;
 
-/// What a page has beside its run where it was asked for.
+/// Parts that a page has beside its run if they were asked for.
 #[derive(Clone, Copy, Default)]
 pub struct Asked<'a> {
     /// How far another simulator's run agrees.

@@ -284,7 +284,7 @@ pub fn inserted(actor: &ActorTrace) -> String {
     }
 }
 
-/// Where the ego met somebody, if it did.
+/// Returns where the ego met somebody, if it did.
 pub fn contact(scene: &Scene, motion: &Trace, outcome: &Outcome) -> Option<Contact> {
     let contact = outcome.contact?;
     let last = motion.ego.len().checked_sub(1)?;

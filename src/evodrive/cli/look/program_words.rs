@@ -10,7 +10,7 @@ use crate::evidence::report::Words;
 use crate::objects::{Program, SolutionId};
 use crate::stage::{Source, scene_values};
 
-/// Of each lineage whose parent did not stay; what an expression may read everywhere, and the parameters of the families.
+/// Returns the words for each lineage whose parent did not stay, for what an expression may read everywhere, and for the families' parameters.
 pub fn of(study: &Study, run: &RecordedRun) -> Words {
     let mut words = Words { meanings: meanings(), ..Words::default() };
     for result in run.result.iter().flat_map(|result| &result.lineages) {

@@ -141,7 +141,7 @@ fn replaced<'r>(attempts: &'r [Attempt], result: &LineageResult) -> Vec<Replaced
     labelled.collect()
 }
 
-/// How many descendants span the lineage's frontier.
+/// Returns the number of descendants that span the lineage's frontier.
 fn descendants(run: &RecordedRun, result: &LineageResult) -> usize {
     let own = run.held_out.iter().filter(|of| of.lineage == result.lineage);
     own.filter(|of| of.roles.iter().any(|role| role == "descendant")).count()

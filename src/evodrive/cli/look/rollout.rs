@@ -34,7 +34,7 @@ pub struct OfAttempt {
     /// The attempt's run: its folder, its name below runs/, or the beginning of either; without it the latest.
     #[arg(id = "run_option", long = "run", value_name = "RUN", requires = "attempt")]
     pub run: Option<PathBuf>,
-    /// Of a suite: take its cases as a driver drove them, from a result that `evodrive suite run --out` wrote and the recorded answers beside
+    /// Take a suite's cases as a driver drove them, from a result that `evodrive suite run --out` wrote and the recorded answers beside
     /// it; no planner is started.
     #[arg(long, value_name = "RESULT", requires = "run", conflicts_with_all = ["attempt", "ego_log"])]
     pub recorded: Option<PathBuf>,
@@ -80,10 +80,10 @@ pub struct Played {
     pub solution: SolutionId,
     pub scene: Scene,
     pub outcome: Outcome,
-    /// What the program decided; `None` of the scene without one.
+    /// Decision of the program; `None` for the scene without one.
     pub decision: Option<Decision>,
     pub intervention: Intervention,
-    /// What each action commands its road user, whatever the ego does; nothing where it reacts.
+    /// Motion that each action commands its road user, whatever the ego does; nothing where it reacts.
     pub commanded: Vec<Vec<Option<Sample>>>,
     pub motion: Trace,
 }
@@ -111,8 +111,8 @@ pub fn of_attempt(run: &OneRun, attempt: &str, scenes: &[String], jobs: usize) -
     threads.map(&places, |_, &place| play(place)).into_iter().collect()
 }
 
-/// What led to the contacts of programs of a run in one scene, by their names with the digests of their rollouts' records; of each the reason
-/// where it cannot be told.
+/// Returns what led to the contacts of programs of a run in one scene. Programs are given by name, with the digests of
+/// their rollouts' records. A program whose contact cannot be explained has the reason instead.
 ///
 /// # Errors
 /// The run's files cannot be read.
@@ -159,7 +159,7 @@ enum Subject<'s> {
 struct ReplayOf<'s> {
     name: String,
     lineage: &'s LineageId,
-    /// What the run recorded of them.
+    /// Records of these scenes in the run.
     recorded: Vec<&'s ReplayScene>,
 }
 
@@ -305,7 +305,7 @@ impl Played {
         Played { solution, scene, outcome: record.outcome, decision: Some(decision), intervention, commanded, motion }
     }
 
-    /// What the program intended and how it ended, in one line.
+    /// Returns what the program intended and how it ended, in one line.
     pub fn caption(&self) -> String {
         let applied = match &self.decision {
             Some(decision) if !decision.applies => format!("; not applied: {}", decision.reason),
@@ -427,7 +427,7 @@ impl Played {
         if ego_log { self.with_ego_log() } else { Ok(self.staging()) }
     }
 
-    /// Where a contact ended the rollout within a step: the share of that step that was driven.
+    /// Returns the share of the last step that was driven, if a contact ended the rollout within that step.
     fn last_step_share(&self) -> Option<f64> {
         let contact = self.outcome.contact?;
         let steps_before = self.motion.ego.len().checked_sub(2)?;

@@ -78,7 +78,7 @@ impl Which {
         table.ok_or_else(|| format!("no table `{name}`{}; there are {}", cell::near(name, &known), known.join(", ")))
     }
 
-    /// Whether its numbers are compared with parents that are drawn anew.
+    /// Returns `true` if its numbers are compared with parents that are drawn anew.
     pub fn needs_redraws(self) -> bool {
         matches!(self, Which::SafebenchMain | Which::SafebenchRounds)
     }

@@ -85,7 +85,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     Ok(Answer { exit: Exit::Divergence, ..Answer::new(text, json) })
 }
 
-/// What led to each contact in a scene that the cell rests on, as a line and as an object.
+/// Returns what led to each contact in a scene that the cell rests on, as a line and as an object.
 fn led_to(
     folders: &[RunFolder],
     why: &Why<'_, '_>,
@@ -142,7 +142,7 @@ fn no_attempt(why: &Why<'_, '_>, id: &str) -> Failure {
     Failure::bad_input(format!("the cell does not rest on a program `{id}`{hint}; it rests on {}", known.join(", ")))
 }
 
-/// Where attempts and exchanges stand in the files of a run.
+/// Finds where attempts and exchanges stand in the files of a run.
 fn places(folder: &RunFolder) -> Result<Places, Failure> {
     let mut events = BTreeMap::new();
     store::each_event(&folder.transcript(), &mut |event| {
@@ -182,7 +182,7 @@ fn key_in(line: &[u8]) -> Option<Digest> {
     serde_json::from_value(hex.into()).ok()
 }
 
-/// What stands before the key of an exchange.
+/// Text before the key of an exchange.
 const OPENS: &[u8] = b"\"exchange\":\"";
 
 /// Every table that these runs give.

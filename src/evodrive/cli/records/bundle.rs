@@ -182,10 +182,10 @@ fn inspect(options: &ReadOptions) -> Result<Answer, Failure> {
     Ok(Answer { text: whole + &answer.text, ..answer })
 }
 
-/// What inspection takes from the manifest alone: whoever wrote it says so.
+/// Fields that inspection takes from the manifest alone, on the word of whoever wrote it.
 const UNVERIFIED: [&str; 5] = ["name", "root", "experiment", "pool", "versions"];
 
-/// What a bundle holds; `alone` where nobody but its manifest speaks for the run that it is of.
+/// Describes what a bundle holds; `alone` if only its manifest speaks for the run that it is of.
 fn made(path: &Path, manifest: &Manifest, signed: bool, alone: bool) -> Answer {
     let Version { evodrive, adapter, sim, eval } = &manifest.versions;
     let signature = if signed { "present; `evodrive bundle verify --key` checks it" } else { "none" };
@@ -234,7 +234,7 @@ pub fn unpack(read: &ReadOptions, out: &Path) -> Result<(bundle::Opened, RunFold
     Ok((opened, RunFolder { dir: out.to_path_buf() }))
 }
 
-/// Whether the files are those of the run that the manifest speaks of; gives the folder its card.
+/// Checks that the files are those of the run that the manifest speaks of; gives the folder its card.
 fn agrees(manifest: &Manifest, folder: &RunFolder, bundle: &Path) -> Result<(), Failure> {
     let name = Experiment::read(&folder.experiment())?.name;
     let run = folder.recorded()?;
@@ -265,7 +265,7 @@ fn agrees(manifest: &Manifest, folder: &RunFolder, bundle: &Path) -> Result<(), 
     folder.write_card(&name, None)
 }
 
-/// Whether this build can execute what a bundle holds.
+/// Checks that this build can execute what a bundle holds.
 pub fn check_versions(manifest: &Manifest, bundle: &Path) -> Result<(), Failure> {
     let (this, that) = (versions(), &manifest.versions);
     if (this.adapter, this.sim, this.eval) == (that.adapter, that.sim, that.eval) {

@@ -33,13 +33,13 @@ pub fn run(options: &VerifyOptions, jobs: usize) -> Result<Answer, Failure> {
     Ok(answer)
 }
 
-/// Where the system wants what is soon gone.
+/// Returns the system's folder for temporary files.
 #[allow(clippy::disallowed_methods)]
 fn temporary() -> std::path::PathBuf {
     std::env::temp_dir()
 }
 
-/// What can be said of the signature.
+/// Describes the signature, which is verified if a key is named.
 fn signature(options: &VerifyOptions, opened: &Opened) -> Result<String, Failure> {
     let bundle = options.read.bundle.display().to_string();
     match (&options.key, &opened.signature) {
@@ -80,12 +80,12 @@ fn stored(folder: &RunFolder, opened: &Opened, signed: &str, bundle: &Path) -> R
     Ok(Answer { exit: exit_of(clean), ..Answer::new(text, object) })
 }
 
-/// Whether this build's families offer what those of the bundle offered: a contract counts into every question, so another one has no
-/// recorded answer. A run that closes parts of a contract is told by its first event.
+/// Checks that this build's families offer what those of the bundle offered: a contract counts into every question, so
+/// another one has no recorded answer. A run that closes parts of a contract passes here; its first event tells of it.
 fn check_contracts(run: &RecordedRun, bundle: &Path) -> Result<(), Failure> {
     let sources = families::sources();
     let other = |(family, then): &(&FamilyName, &Digest)| -> bool {
-        // What a published parent needs is offered only where one takes part.
+        // A contract offers what a published parent needs only if such a parent takes part.
         let differs = |source: Source| source.contract.digest().is_ok_and(|now| now != **then);
         sources.get(family).is_none_or(|source| differs(source.clone()) && differs(source.clone().offering_for([])))
     };

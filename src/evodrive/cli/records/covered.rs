@@ -1,4 +1,4 @@
-//! What the seal of a run covers: which files of its folder agree with the sealed events, and which files the events cannot vouch for.
+//! Checks what the seal of a run covers: which files of its folder agree with the sealed events, and which files the events cannot vouch for.
 
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -20,7 +20,7 @@ pub const RESULT_BYTES_MAX: u64 = 32 << 20;
 /// How parents name an ego that is a program of the experimenter's own.
 const OWN_EGO: &str = "command";
 
-/// What was found.
+/// Result of the check.
 #[derive(Debug, Default)]
 pub struct Coverage {
     /// Files that are not what the events say, each with what was expected, what was found and what to do.
@@ -29,7 +29,7 @@ pub struct Coverage {
     pub covered: Vec<String>,
     /// Files of the folder that no digest speaks for.
     pub uncovered: Vec<String>,
-    /// What is unfinished and no damage.
+    /// Unfinished work, which is no damage.
     pub notes: Vec<String>,
 }
 

@@ -16,18 +16,18 @@ use crate::scene::Pool;
 use crate::sim::SIM_VERSION;
 use crate::store::{self, MemoKind, OwnDir, Store, StoreError, Transcript};
 
-/// Where run folders lie, unless `--out` says another place.
+/// Folder of run folders, unless `--out` names another one.
 pub const RUNS: &str = "runs";
 pub const LATEST: &str = "LATEST";
 const SPEND: &str = "spend.json";
 pub const CARD_BYTES_MAX: u64 = 1 << 16;
 const CARD_FORMAT: &str = "evodrive-run/1";
 
-/// What stands in `run.json`.
+/// Content of `run.json`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunCard {
     pub name: String,
-    /// Of a folder whose recording has not written its cassette yet.
+    /// Present while the recording has not written its cassette yet.
     pub recording: Option<Recording>,
 }
 
@@ -78,18 +78,18 @@ impl From<RunCard> for CardFile {
     }
 }
 
-/// What a recording needs to know to go on after it was interrupted.
+/// Facts that a recording needs to go on after it was interrupted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recording {
-    /// Where the cassette goes.
+    /// File for the cassette.
     pub cassette: PathBuf,
-    /// Whether everything is asked anew.
+    /// True if everything is asked anew.
     pub fresh: bool,
-    /// Whether answers may be lost that another experiment's recording left there.
+    /// True if answers that another experiment's recording left there may be lost.
     pub overwrite: bool,
-    /// Where the rollouts of another simulator go.
+    /// File for the rollouts of another simulator.
     pub rollouts: Option<PathBuf>,
-    /// Where the planner is started.
+    /// Folder in which the planner is started.
     pub driver_folder: Option<PathBuf>,
 }
 
@@ -134,12 +134,12 @@ impl RunFolder {
         self.dir.with_extension("jsonl")
     }
 
-    /// Whether the run was begun and has not come to its end.
+    /// Returns `true` if the run was begun and has not come to its end.
     pub fn is_unfinished(&self) -> Result<bool, Failure> {
         Ok(self.card()?.recording.is_some() || (self.transcript().exists() && !self.result().exists()))
     }
 
-    /// Whether it holds what cannot be made again: answers of models or of another simulator, or questions to them.
+    /// Returns `true` if it holds what cannot be made again: answers of models or of another simulator, or questions to them.
     pub fn holds_answers(&self) -> bool {
         let recorded = self.recording().exists()
             && open_store(&self.recording()).map_or(true, |store| {
@@ -148,7 +148,7 @@ impl RunFolder {
         recorded || self.exchanges().exists() || self.dir.join(SPEND).exists()
     }
 
-    /// Whether it is a run's: what a run writes first is there, or the mark of a command that made it, or nothing yet.
+    /// Returns `true` if it is a run's folder: it holds what a run writes first, or the mark of a command that made it, or nothing yet.
     pub fn is_one(&self) -> Result<bool, StoreError> {
         let own = [self.card_file(), self.experiment(), self.transcript(), self.store().join("objects.pack")];
         Ok(own.iter().any(|file| file.exists())
@@ -198,7 +198,7 @@ impl RunFolder {
         self.dir.join("withdrawn.jsonl")
     }
 
-    /// What planners and workers printed while it was recorded; no record holds it.
+    /// Returns the file of what planners and workers printed during the recording; no record holds it.
     pub fn processes(&self) -> PathBuf {
         self.dir.join("processes.log")
     }
@@ -254,7 +254,7 @@ impl RunFolder {
         self.dir.join("tries")
     }
 
-    /// What live models have used.
+    /// Returns the file of what live models have used.
     #[cfg(feature = "live")]
     pub fn spend(&self) -> PathBuf {
         self.dir.join(SPEND)
@@ -264,17 +264,17 @@ impl RunFolder {
         self.dir.join("report.html")
     }
 
-    /// What it cost to make the run.
+    /// Returns the file of what it cost to make the run.
     pub fn cost(&self) -> PathBuf {
         self.dir.join("cost.json")
     }
 
-    /// What patches of its reported programs account for.
+    /// Returns the file of what patches of its reported programs account for.
     pub fn credit(&self) -> PathBuf {
         self.dir.join("credit.json")
     }
 
-    /// The control of SafeBench's archives: the parents, drawn as often.
+    /// Returns the file of the control of SafeBench's archives: the parents, drawn as often.
     pub fn redrawn(&self) -> PathBuf {
         self.dir.join("redrawn.json")
     }
@@ -379,13 +379,13 @@ impl RunFolder {
     }
 }
 
-/// What an experiment says of its models, by their labels.
+/// Returns the provenance that an experiment states for its models, by their labels.
 fn answered(experiment: &Experiment) -> BTreeMap<String, String> {
     let said = |(name, model): (&String, &ModelOptions)| Some((model.spec(name).label(), model.provenance.clone()?));
     experiment.models.iter().filter_map(said).collect()
 }
 
-/// The folder of one model among such; a fresh recording, which has a name, asks in another one.
+/// Returns the name of one model's folder among such; a fresh recording, which has a name, asks in another one.
 pub fn asked_in(model: &str, fresh: Option<&str>) -> String {
     match fresh {
         None => model.to_string(),
@@ -393,8 +393,8 @@ pub fn asked_in(model: &str, fresh: Option<&str>) -> String {
     }
 }
 
-/// What a run folder keeps was whole when it was written, so whatever is wrong with it now is damage. What is not there may be
-/// another folder than the one that was meant.
+/// Makes a failure of an error in a file that a run folder keeps. The file was whole when it was written, so whatever
+/// is wrong with it now is damage. If it is missing, another folder may have been meant.
 fn kept(error: ExperimentError) -> Failure {
     let absent = matches!(&error, ExperimentError::Store(StoreError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound);
     let failure = Failure::from(error);
@@ -406,7 +406,7 @@ fn kept(error: ExperimentError) -> Failure {
     Failure::corruption(format!("{}; {remedy}", failure.message))
 }
 
-/// Whether a file holds the name of a run folder and no more, as `mark_latest` writes it; the folder itself may be gone.
+/// Returns `true` if a file holds the name of a run folder and no more, as `mark_latest` writes it; the folder itself may be gone.
 fn names_a_run(path: &Path) -> bool {
     let text = store::read_bounded(path, CARD_BYTES_MAX).ok().and_then(|bytes| String::from_utf8(bytes).ok());
     let name = text.as_deref().map_or("", str::trim);
@@ -415,7 +415,7 @@ fn names_a_run(path: &Path) -> bool {
     is_id || !name.is_empty() && path.with_file_name(name).join("run.json").is_file()
 }
 
-/// Opens a store; that its disk lacks locks is told once.
+/// Opens a store; says once if its disk lacks locks.
 pub fn open_store(dir: &Path) -> Result<Store, StoreError> {
     Ok(announced(dir, Store::open(dir)?))
 }

@@ -1,5 +1,5 @@
-//! What was worked out of a sealed run stands in a file beside its events, so that it is worked out once. It names the root of its run, and a
-//! digest shows a changed number.
+//! Keeps what was worked out of a sealed run in a file beside its events, so that it is worked out once. The file names
+//! the root of its run, and a digest shows a changed number.
 
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::path::PathBuf;
@@ -16,7 +16,7 @@ pub struct KeptFile {
     pub path: PathBuf,
     /// Its word in format and digest.
     pub word: &'static str,
-    /// Who works it out again.
+    /// Command that works it out again.
     pub again: &'static str,
 }
 
@@ -24,9 +24,9 @@ pub struct KeptFile {
 #[serde(deny_unknown_fields)]
 struct Kept<T> {
     format: String,
-    /// Of the run that it was worked out of.
+    /// Root of the run that it was worked out of.
     root: Digest,
-    /// Of what follows.
+    /// Digest of what follows.
     digest: Digest,
     #[serde(alias = "credits")]
     kept: T,
@@ -41,10 +41,10 @@ impl KeptFile {
         Digest::of(&format!("evodrive/{}/1", self.word), kept)
     }
 
-    /// What it keeps of the run with this root; `None` where it was worked out of another one, or not at all.
+    /// Reads what it keeps of the run with this root; `None` if it was worked out of another run, or not at all.
     ///
     /// # Errors
-    /// A file whose numbers were changed. One that cannot be read is told, and done without: nothing rests on it.
+    /// A file whose numbers were changed. A file that cannot be read is reported and then ignored: nothing rests on it.
     pub fn read<T: Serialize + DeserializeOwned>(&self, root: Digest) -> Result<Option<T>, Failure> {
         if !self.path.exists() {
             return Ok(None);

@@ -1,6 +1,6 @@
 //! Words of a process without what they must not carry on: keys and homes.
 
-/// What stands in place of a key.
+/// Text in place of a key.
 const KEY: &str = "[key]";
 /// A value of the environment shorter than this is a key only as a whole word, or behind its name.
 const SECRET_CHARS: usize = 8;
@@ -51,7 +51,7 @@ fn redacted_with(text: &str, environment: &[(String, String)]) -> String {
     out
 }
 
-/// Whether this is the name of a key, as `API_KEY`: `max_tokens` is none.
+/// Returns `true` if this is the name of a key, as `API_KEY` is and `max_tokens` is not.
 fn names_key(name: &str) -> bool {
     name.split(|c: char| !c.is_ascii_alphanumeric()).any(|part| {
         SECRET_NAMES.iter().any(|secret| part.eq_ignore_ascii_case(secret)) || part.eq_ignore_ascii_case("apikey")

@@ -155,7 +155,7 @@ pub fn resolve(name: &Path, runs: &Path) -> Result<RunFolder, Failure> {
     begun.pop().ok_or_else(|| unknown(name, runs))
 }
 
-/// Whether a run folder is one of the experiment of this name: the name, a dash and eight digits.
+/// Returns `true` if a run folder is one of the experiment of this name: the name, a dash and eight digits.
 fn is_experiment(folder: &RunFolder, name: &Path) -> bool {
     let text = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let (folder, name) = (text(&folder.dir), text(name));
@@ -224,7 +224,7 @@ fn unknown(name: &Path, runs: &Path) -> Failure {
     Failure::bad_input(format!("{} is not a run folder: {what}; {expected}{there}{near}", name.display()))
 }
 
-/// Where a run is looked for by name.
+/// Finds a run by its name below runs/.
 pub fn below_runs(name: &Path) -> Result<RunFolder, Failure> {
     resolve(name, Path::new(RUNS))
 }

@@ -8,7 +8,7 @@ use crate::experiment::{Experiment, PlainContacts, SceneSource};
 use crate::kernel::Digest;
 use crate::objects::{AttackRequirement, RealismMean};
 
-/// What a caption says of it.
+/// Returns what a caption says of the experiment.
 pub fn of(experiment: &Experiment) -> Setting {
     let simulator = match &experiment.simulator.backend {
         None => "EvoDrive's own simulator".to_string(),
@@ -30,7 +30,7 @@ pub fn of(experiment: &Experiment) -> Setting {
     Setting { simulator, pool: pool.into(), left_out, reading, realism }
 }
 
-/// What realism is a mean of, and a name for its settings by which a reader sees whether two experiments mean the same.
+/// Returns what realism is a mean of, and a name for its settings by which a reader sees whether two experiments mean the same.
 fn realism(options: &RealismOptions) -> String {
     let count = options.weights().len();
     let over = match options.mean {
@@ -46,7 +46,7 @@ fn realism(options: &RealismOptions) -> String {
     }
 }
 
-/// Which contacts are attacks. The three readings that the tables set side by side have their words, any other is told by its classes.
+/// Returns which contacts are attacks. The three readings that the tables set side by side have their own words; others are named by their classes.
 fn reading(options: &AttackOptions) -> String {
     match options.when.as_ref().map(|when| when.text()) {
         Some(AT_FAULT) => return "contacts for which the ego is at fault by nuPlan's rule".into(),

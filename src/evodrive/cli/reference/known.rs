@@ -50,7 +50,7 @@ fn unit_of(name: &str) -> &'static str {
     units.into_iter().find(|(ending, _)| stem.ends_with(ending)).map_or("number", |(_, unit)| unit)
 }
 
-/// Where expressions may read which features.
+/// Features that expressions may read, by place.
 const PLACES: [(&str, &[Feature]); 6] = [
     ("scene", vocabulary::SCENE),
     ("actor", vocabulary::ACTOR),

@@ -13,7 +13,7 @@ Look up here what a command takes. This page is made from the program's argument
 Every command takes `--json` (the answer as JSON) and `--jobs N` (threads; results do not depend on it).
 ";
 
-/// What every command takes, and clap's own.
+/// Arguments that every command takes, and clap's own.
 const COMMON: [&str; 4] = ["json", "jobs", "help", "version"];
 
 /// The page in Markdown.

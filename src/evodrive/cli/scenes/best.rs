@@ -21,7 +21,7 @@ pub struct Options {
     /// Number of rollouts to list.
     #[arg(long, default_value_t = 5)]
     pub top: usize,
-    /// What comes first.
+    /// Criterion that orders the list.
     #[arg(long, default_value = "severity")]
     pub by: Criterion,
     /// Only rollouts of this lineage, e.g. cat-idm.

@@ -25,7 +25,7 @@ pub struct Options {
     /// Page to write.
     #[arg(long)]
     pub html: PathBuf,
-    /// Scenes that the page holds at most: a scene takes about 2 kB, at most 6. Of more it takes so many at even steps, and says so.
+    /// Most scenes that the page holds: a scene takes about 2 kB, at most 6. Of a larger pool it takes scenes at even steps, and says so.
     #[arg(long, default_value_t = 2000, value_parser = clap::value_parser!(u32).range(1..=20_000))]
     pub most: u32,
     #[command(flatten)]
@@ -132,7 +132,7 @@ fn card(of: &Shown<'_>) -> Card {
     }
 }
 
-/// What threatens the ego as recorded.
+/// Returns what threatens the ego as recorded.
 fn threat(scene: &Scene, features: &SceneFeatures) -> String {
     if recorded_crash::recorded_crash(scene).is_some() {
         "recorded contact".into()

@@ -68,7 +68,7 @@ pub struct ImportOptions {
     /// ignore these.
     #[arg(long)]
     pub ignore_times: bool,
-    /// Take the samples of any file as so many seconds apart, whatever it says.
+    /// Take the samples of any file as this many seconds apart, whatever it says.
     #[arg(long, value_name = "SECONDS", conflicts_with = "ignore_times")]
     pub step_s: Option<f64>,
     /// Read headings in this convention. `judged`: as written, or in the one in which they surely are, which is said. `motion`: each

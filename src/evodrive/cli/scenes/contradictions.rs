@@ -11,7 +11,7 @@ const NAMED_MAX: usize = 5;
 /// Characters of a line of the table.
 const WIDTH: usize = 120;
 
-/// What each check says of these scenes.
+/// Runs each check on these scenes.
 pub fn of_pool(scenes: &[Scene], threads: &Threads) -> Vec<Checked> {
     checked(&threads.map(scenes, |_, scene| values(scene)).concat())
 }

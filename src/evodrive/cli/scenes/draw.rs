@@ -28,10 +28,10 @@ const FILM_PX: f64 = 720.0;
 const AROUND_M: f64 = 12.0;
 /// Width of a panel of a PDF, points: four of them fill the text of a page.
 const PANEL_PT: f64 = 115.0;
-/// A film goes on for so long behind the contact, and its last picture stands for so many hundredths of a second.
+/// Seconds for which a film goes on after the contact, and hundredths of a second for which its last picture stays.
 const AFTER_CONTACT_S: f64 = 1.0;
 const LAST_CS: u16 = 150;
-/// ffmpeg may take so long.
+/// Longest time that ffmpeg may take.
 const ENCODING_LIMIT: Duration = Duration::from_secs(300);
 
 #[derive(Debug, Args)]
@@ -56,7 +56,7 @@ pub struct Options {
     /// the run.
     #[arg(long, value_name = "PROGRAM", requires = "attempt")]
     pub beside: Option<String>,
-    /// So many scenes on one sheet (.svg, .pdf), a panel each, ending at the contact, with outlines of where ego and adversaries were before:
+    /// Draw this many scenes on one sheet (.svg, .pdf), a panel each, ending at the contact, with outlines of where ego and adversaries were before:
     /// the first of a pool, or the rollouts of --attempt, contacts first. With --scene one panel.
     #[arg(long, value_name = "COUNT", conflicts_with_all = ["beside", "frames", "at", "episode", "recorded"])]
     pub grid: Option<usize>,
@@ -70,7 +70,7 @@ pub struct Options {
     /// Margin around the paths of ego and adversaries in the panels, metres.
     #[arg(long, default_value_t = AROUND_M, allow_negative_numbers = true)]
     pub around: f64,
-    /// Of a film, only so many seconds before the contact or the end, and of the world what they need.
+    /// Limit a film to this many seconds before the contact or the end, and to the part of the world that they need.
     #[arg(long, value_name = "SECONDS", conflicts_with = "grid", allow_negative_numbers = true)]
     pub last: Option<f64>,
     /// Width of a panel, pixels; without it 360, and 720 for a film. In a .pdf points; without it 115.
@@ -81,7 +81,7 @@ pub struct Options {
     pub dark: bool,
 }
 
-/// What a file holds, as its name's ending says.
+/// Content of a file, as the ending of its name says.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Strip,
@@ -285,7 +285,7 @@ fn write_mp4(film: &Film, dt_s: f64, out: &Path) -> Result<(), Failure> {
     Err(Failure::bad_input(failed))
 }
 
-/// What can be refused is refused before anything is simulated.
+/// Refuses, before anything is simulated, all that can be refused.
 fn check(options: &Options) -> Result<Kind, Failure> {
     let refuse = |what: String| Err(Failure::bad_input(what));
     let known = [("svg", Kind::Strip), ("pdf", Kind::Page), ("gif", Kind::Gif), ("mp4", Kind::Mp4)];
@@ -336,7 +336,7 @@ fn check(options: &Options) -> Result<Kind, Failure> {
     }
 }
 
-/// Up to the contact of the drawing, or of the other one where it has none.
+/// Returns the steps to draw: up to the contact of the drawing, or of the other one if it has none.
 fn steps(options: &Options, drawing: &Drawing, other: Option<&Drawing>) -> Result<Vec<usize>, Failure> {
     let last = drawing.steps.saturating_sub(1);
     if options.at.is_empty() {

@@ -34,7 +34,7 @@ pub struct Options {
     pub scene: Vec<String>,
     #[command(flatten)]
     pub of: OfAttempt,
-    /// What to write.
+    /// Format to write.
     #[arg(long)]
     pub format: Format,
     /// Folder for the files, named by their scenes.
@@ -62,21 +62,21 @@ pub enum Format {
 struct Job {
     scene: Scene,
     staging: Option<Staging>,
-    /// Of its files, without ending.
+    /// Name of its files, without ending.
     name: String,
 }
 
-/// What a scene becomes.
+/// Files that a scene becomes.
 struct Files {
-    /// By name, in the order in which they are written.
+    /// Names and contents, in the order in which they are written.
     files: Vec<(String, Vec<u8>)>,
-    /// What they cannot hold.
+    /// Parts of the scene that the files cannot hold.
     notes: Vec<Note>,
     /// The file that is part of a data set for MetaDrive, and its entry there.
     listed: Option<(String, Value)>,
 }
 
-/// What was written of one scene.
+/// Files that were written of one scene.
 #[derive(Serialize)]
 struct Row {
     scene: String,
@@ -188,7 +188,7 @@ impl<'a> Exports<'a> {
         Ok(())
     }
 
-    /// How many scenes were written.
+    /// Returns the number of scenes that were written.
     pub fn written(&self) -> usize {
         self.rows.len()
     }
@@ -203,7 +203,7 @@ impl<'a> Exports<'a> {
         Ok(())
     }
 
-    /// What was written and what the format cannot hold; what is the same for many scenes is said once.
+    /// Returns what was written and what the format cannot hold; what is the same for many scenes is said once.
     pub fn left_out_text(&self) -> String {
         let mut text = String::new();
         let mut notes: BTreeMap<&str, Vec<(&str, &str)>> = BTreeMap::new();

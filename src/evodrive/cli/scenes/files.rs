@@ -82,7 +82,7 @@ pub fn known_tags(tags: &[String]) -> Result<(), Failure> {
 pub struct Row {
     pub id: String,
     pub format: String,
-    /// Where it was read from; of a generated scene, its kind.
+    /// File that it was read from; for a generated scene, its kind.
     pub file: String,
     pub duration_s: f64,
     pub tracks: usize,

@@ -35,7 +35,7 @@ impl SceneFormula {
         }
     }
 
-    /// Whether it holds for a scene with these quantities.
+    /// Returns `true` if it holds for a scene with these quantities.
     pub fn holds(&self, features: &SceneFeatures) -> bool {
         let values: Vec<f64> =
             vocabulary::SCENE.iter().map(|feature| features.value(feature.name).unwrap_or_default()).collect();

@@ -17,12 +17,12 @@ const COLUMNS: usize = 4;
 /// Width of a sheet, points: the text of a page.
 const SHEET_PT: f64 = 494.0;
 
-/// What is drawn, and where to.
+/// Drawing that is wanted, and its place.
 pub struct Wanted<'a> {
     /// A pool or scenario file, or the run of the attempt.
     pub path: Option<&'a PathBuf>,
     pub of: &'a OfAttempt,
-    /// One scene in the place of all.
+    /// One scene instead of all.
     pub scene: Option<&'a String>,
     /// Panels at most.
     pub count: usize,

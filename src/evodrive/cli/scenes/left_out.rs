@@ -1,4 +1,4 @@
-//! What a pool changed or left out, in one line for each reason: a folder of a thousand files without a map says so once.
+//! Lists what a pool changed or left out, in one line for each reason: a folder of a thousand files without a map says so once.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use crate::scene::{LeftOut, Pool, usable};
 /// Names that a line gives before it counts.
 const NAMED_MAX: usize = 3;
 
-/// What was changed, is doubtful, or was left out at import.
+/// Returns lines on what was changed, is doubtful, or was left out at import.
 pub fn lines(pool: &Pool) -> Vec<String> {
     let named = |holds: fn(&LeftOut) -> bool| {
         pool.left_out.iter().filter(move |left| holds(left)).map(|left| {

@@ -86,7 +86,7 @@ pub struct SplitOptions {
     pub output: Output,
 }
 
-/// What keeps a scene from being used, if anything does: a rule of evolution, or a world that cannot be simulated.
+/// Returns what keeps a scene from being used, if anything does: a rule of evolution, or a world that cannot be simulated.
 fn fault(scene: &Scene) -> Option<String> {
     match usable(scene) {
         Err(reason) => Some(reason.to_string()),
@@ -94,7 +94,7 @@ fn fault(scene: &Scene) -> Option<String> {
     }
 }
 
-/// Every scene, used as evolution would.
+/// Checks every scene as evolution would use it.
 pub fn check(options: &CheckOptions, jobs: usize) -> Result<Answer, Failure> {
     let threads = files::threads(jobs)?;
     let pool = experiment::read_scenes(&options.paths, &threads)?;

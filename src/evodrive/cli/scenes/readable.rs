@@ -1,6 +1,6 @@
 //! The scene formats that are read, for `formats` and for the help of `scenes import`.
 
-/// What is read, as `scenes import` tells it apart: name, files, what it is.
+/// Formats that are read, as `scenes import` tells them apart: name, files, description.
 pub const READ: [(&str, &str, &str); 6] = [
     ("scenarionet", "*.pkl, *.json", "ScenarioNet and MetaDrive scene descriptions; nothing in a pickle is executed"),
     ("commonroad", "*.xml", "CommonRoad 2018b and 2020a"),
@@ -10,7 +10,7 @@ pub const READ: [(&str, &str, &str); 6] = [
     ("pool", "*.pool", "scenes that `scenes import` or `scenes generate` wrote"),
 ];
 
-/// What can be imported, for the help of `scenes import`.
+/// Returns the list of what can be imported, for the help of `scenes import`.
 pub fn in_help() -> String {
     let mut text = String::from("Formats, recognised by the files' content:");
     READ.iter().for_each(|(name, files, what)| text += &format!("\n  {name:<12} {files:<26} {what}"));

@@ -22,7 +22,7 @@ pub struct RecordedCrash {
     pub scene: String,
     /// Whom the ego touches: the id of the track.
     pub with: String,
-    /// Since the first simulated step, s.
+    /// Time since the first simulated step, s.
     pub at_s: f64,
 }
 
@@ -39,12 +39,12 @@ pub fn recorded_crash(scene: &Scene) -> Option<RecordedCrash> {
     Some(RecordedCrash { scene: scene.id.clone(), with, at_s: contact.time_s })
 }
 
-/// Those of a pool, in its order.
+/// Returns the recorded crashes of a pool, in its order.
 pub fn of_pool(scenes: &[Scene], threads: &Threads) -> Vec<RecordedCrash> {
     threads.map(scenes, |_, scene| recorded_crash(scene)).into_iter().flatten().collect()
 }
 
-/// How many scenes, which, and what to do; no line where there is no such scene. `from` are the files that hold them.
+/// Says how many scenes there are, which ones, and what to do; no line if there is no such scene. `from` are the files that hold them.
 pub fn lines(crashes: &[RecordedCrash], all: usize, from: &[PathBuf]) -> Vec<String> {
     let Some(first) = crashes.first() else { return Vec::new() };
     let named =
@@ -52,7 +52,7 @@ pub fn lines(crashes: &[RecordedCrash], all: usize, from: &[PathBuf]) -> Vec<Str
     let more = crashes.len().saturating_sub(NAMED_MAX);
     let more = if more > 0 { format!(" and {more} more, which --json lists") } else { String::new() };
     let from: Vec<String> = from.iter().map(|path| quoted(&path.to_string_lossy())).collect();
-    // Which of several files holds the scene is not known any more.
+    // If there are several files, it is no longer known which one holds the scene.
     let shown = match from.as_slice() {
         [one] => {
             vec![format!("  to look at one: evodrive scenes show {one} {} --html scene.html", quoted(&first.scene))]

@@ -107,12 +107,12 @@ fn meant(
     }
 }
 
-/// Whether a word names a case of a suite; else it names a scene of it.
+/// Returns `true` if a word names a case of a suite; otherwise it names a scene of it.
 fn is_case(path: &Path, word: &str) -> bool {
     suite_file::read(path).is_ok_and(|frozen| frozen.suite.pool.scene(word).is_none())
 }
 
-/// The one scene that is meant as a drawing, with a line that says what it is.
+/// Returns the drawing of the one scene that is meant, with a line that says what it is.
 pub fn drawn(
     path: Option<&PathBuf>,
     id: Option<&String>,
@@ -161,7 +161,7 @@ fn played(options: &Options, played: &Played) -> Result<Answer, Failure> {
     Ok(Answer::new(text, object))
 }
 
-/// Of a road user that the program moves.
+/// Says how near a road user that the program moves comes to the ego.
 fn near_in_words(scene: &Scene, near: &Nearest) -> String {
     let (who, when) = (playables::label(scene, near.actor), format!("{:.1} s after the start", near.time_s));
     match near.on_ego_m {
@@ -224,7 +224,7 @@ fn in_words(scene: &Scene) -> String {
     text
 }
 
-/// Who it is, its size, and when it is seen.
+/// Returns a track's id, its kind, its size, and when it is seen.
 fn track_in_words(track: &Track) -> String {
     let span = track.span().map_or("never seen".to_string(), |(a, b)| format!("steps {a} to {b}"));
     let kind = format!("{:?}", track.kind).to_lowercase();

@@ -48,7 +48,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     Ok(Answer::new(text(&agreed), json!(agreed)))
 }
 
-/// What two run folders say about their simulators.
+/// Reports how far the simulators of two run folders agree.
 pub fn agreement(first: &Path, second: &Path, threads: &Threads) -> Result<Report, Failure> {
     let (first, second) = (Run::open(first, threads)?, Run::open(second, threads)?);
     comparable(&first, &second)?;
@@ -171,7 +171,7 @@ struct Case<'a> {
     spec: &'a LineageSpec,
     /// `None` for the recorded scene without a program.
     program: Option<&'a Program>,
-    /// Whether the program was proposed in the run.
+    /// True if the program was proposed in the run.
     proposed: bool,
     place: usize,
 }
@@ -314,7 +314,7 @@ fn play(both: &Both<'_>, case: &Case<'_>) -> Result<Pair, String> {
     })
 }
 
-/// Whether our own simulator says contact under each of the changes, with the commands that both simulators had.
+/// Returns for each change whether our own simulator finds a contact, with the commands that both simulators had.
 fn changed(both: &Both<'_>, own: usize, case: &Case<'_>, intervention: &Intervention) -> Result<Vec<bool>, String> {
     let study = &both.runs[own].study;
     let prepared = &study.scenes[case.place].prepared;
@@ -371,7 +371,7 @@ fn word(value: &impl serde::Serialize) -> String {
     word.unwrap_or_default()
 }
 
-/// Whether the partner of a contact is on the road in the other rollout at that time.
+/// Returns `true` if the partner of a contact is on the road in the other rollout at that time.
 fn is_there(trace: &Trace, contact: &Contact) -> bool {
     let row = ((10.0 * contact.time_s) as usize).min(trace.ego.len() - 1);
     trace.actors.iter().any(|actor| actor.actor == contact.with && actor.samples[row].is_some())

@@ -44,7 +44,7 @@ pub fn broken(scenes: &[String], (replay, parent, program): (&Replayed, &Score, 
 }
 
 const NOBODY: &str = "-";
-/// What stands where nobody knows whether somebody would have been met.
+/// Texts for scenes in which nobody knows whether somebody would have been met.
 const NO_LABEL: [&str; 3] = ["no label", "too slow", "abandoned"];
 
 fn unlabelled(failures: &[SceneFailure]) -> impl Iterator<Item = (&str, String)> {
@@ -54,7 +54,7 @@ fn unlabelled(failures: &[SceneFailure]) -> impl Iterator<Item = (&str, String)>
     })
 }
 
-/// What was met in each scene: the class of the contact, who it was, whether it is preventable, and at fault by nuPlan's rule.
+/// Returns the contact of each scene: its class, who was met, whether it is preventable, and at fault by nuPlan's rule.
 fn met(score: &Score) -> BTreeMap<&str, String> {
     let of = score.scenes.iter().map(|label| {
         let text = label.contact.as_ref().map_or(NOBODY.to_string(), |met| {

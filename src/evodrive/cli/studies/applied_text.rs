@@ -1,4 +1,4 @@
-//! What `apply` says: where the program came from, the tables, which scenes have no label and why.
+//! Text of `apply`: where the program came from, the tables, which scenes have no label and why.
 
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -24,7 +24,7 @@ use crate::text::counted;
 /// Scenes whose reasons are listed; of more the text says how many, and `--json` lists all.
 const LISTED_MAX: usize = 20;
 
-/// What was played, and what was left out before.
+/// Results of what was played, and the scenes that were left out before.
 pub struct Comparison {
     pub file: ProgramFile,
     /// The experiment whose rules judged, where they are not those that the program was evolved under.
@@ -45,7 +45,7 @@ pub struct Comparison {
     pub program: Labelled,
 }
 
-/// What was written into the folder.
+/// Files that were written into the folder, as text and as JSON.
 #[derive(Default)]
 pub struct Written {
     pub text: String,
@@ -188,7 +188,7 @@ fn listed(text: &mut String, what: &str, lines: Vec<String>) {
     }
 }
 
-/// What is other than in the run that the program came out of.
+/// Returns notes on what differs from the run that the program came out of.
 fn notes(of: &Comparison) -> Vec<String> {
     let conditions = &of.file.conditions;
     let mut notes = Vec::new();

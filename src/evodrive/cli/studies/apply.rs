@@ -181,7 +181,7 @@ fn under_rules(file: ProgramFile, rules: &Path) -> Result<ProgramFile, Failure> 
     Ok(ProgramFile { conditions, ..file })
 }
 
-/// Who drives: the planner that is named, or else the policy that is, or else the one that the program was evolved against.
+/// Returns who drives: the planner that is named, or else the policy that is, or else the one that the program was evolved against.
 pub fn under_test(
     file: &ProgramFile,
     ego: Option<&String>,
@@ -277,7 +277,7 @@ pub fn counsels(file: &ProgramFile, entries: &[SceneEntry]) -> BTreeMap<Digest, 
     entries.iter().filter_map(of).collect()
 }
 
-/// What plays a file's programs under its own conditions, by our own simulator.
+/// Returns what plays a file's programs under its own conditions, by our own simulator.
 pub fn as_conditioned<'a>(
     file: &'a ProgramFile,
     sources: &'a Sources,

@@ -32,7 +32,7 @@ pub fn of_family(set: &FixedSet, lessons: &[Lesson], family: Option<&str>) -> Ve
 }
 
 impl Sets {
-    /// What an arm is trained on: the scenes of these sets that belong to a traffic family, or all.
+    /// Returns what an arm is trained on: the scenes of these sets that belong to a traffic family, or all.
     pub fn lessons(&self, names: &[SetName], family: Option<&str>) -> Vec<Lesson> {
         let of = |name: &SetName| {
             let both = self.fixed.training.iter().zip(&self.training).find(|(set, _)| set.name == *name);
@@ -94,7 +94,7 @@ pub fn fixed(file: &DownstreamFile, program: &ProgramFile, threads: &Threads) ->
     Ok(sets)
 }
 
-/// What is done in a scene of a set.
+/// Intervention in a scene of a set.
 type Done = fn(&Played) -> Intervention;
 
 /// The sets that hold the same scenes.

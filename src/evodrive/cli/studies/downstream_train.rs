@@ -19,12 +19,12 @@ use crate::store;
 /// Bytes that a finished training may have.
 const TRAINED_BYTES_MAX: u64 = 1 << 28;
 
-/// What a study's trainings share.
+/// Inputs that a study's trainings share.
 pub struct Study<'a> {
     pub file: &'a DownstreamFile,
     pub opening: &'a Opening,
     pub sets: &'a Sets,
-    /// Where finished trainings are kept; none: they are all carried out again.
+    /// Folder for finished trainings; `None`: they are all carried out again.
     pub kept: Option<&'a Path>,
     pub interrupt: &'a Interrupt,
 }
@@ -64,8 +64,8 @@ pub fn trained(study: &Study<'_>, wanted: &[Wanted], threads: &Threads) -> Resul
     threads.map(wanted, one).into_iter().collect()
 }
 
-/// Where a finished training is kept. In the name stands all that it depends on, so a study with other sets or another schedule
-/// finds nothing, and one with more seeds or arms finds what it shares.
+/// Returns the file of a finished training. Its name contains all that the training depends on, so a study with other
+/// sets or another schedule finds nothing, and one with more seeds or arms finds what it shares.
 fn place_of(folder: &Path, study: &Study<'_>, which: &Wanted) -> Result<PathBuf, Failure> {
     let family = which.family.as_ref().map_or(String::new(), |family| format!("-{family}"));
     let arm = study.file.arms.iter().find(|known| known.name == which.arm);

@@ -128,7 +128,7 @@ fn planned(path: &Path, asked: &Asked, lessons: &[Lesson], seed: u64, threads: &
     }
 }
 
-/// Whether a word names weights: those that the program carries, or a file of them.
+/// Returns `true` if a word names weights: those that the program carries, or a file of them.
 pub fn is_weights(word: &str) -> bool {
     word.ends_with(".safetensors") || shipped_weights("", word).is_some()
 }

@@ -69,7 +69,7 @@ pub struct Options {
 struct Attack {
     plant: Plant,
     intervention: Intervention,
-    /// Of all that decides what a driver meets.
+    /// Digest of all that decides what a driver meets.
     digest: Digest,
 }
 
@@ -106,7 +106,7 @@ impl<T> Parts<T> {
     }
 }
 
-/// What is simulated is kept by its key: a killed command goes on where it stopped.
+/// Bench that keeps what is simulated by its key: a killed command goes on where it stopped.
 struct Bench<'a> {
     folder: PathBuf,
     threads: &'a Threads,
@@ -243,7 +243,7 @@ struct Rounds<'a> {
     plain: [Vec<Attack>; 2],
 }
 
-/// What one round's search of constants found.
+/// Result of one round's search of constants.
 struct Found {
     settings: pdm::Settings,
     /// Crashes of champion and best trial in the cases that the search sees.
@@ -355,7 +355,7 @@ impl Rounds<'_> {
         Ok(evolved)
     }
 
-    /// What programs do around a driver, as attacks on any driver.
+    /// Returns what programs do around a driver, as attacks on any driver.
     fn attacks(&self, programs: &[Program], driver: &Policy, entries: &[SceneEntry]) -> Result<Vec<Attack>, Failure> {
         let mut all = Vec::new();
         for (family, program) in self.families.iter().zip(programs) {

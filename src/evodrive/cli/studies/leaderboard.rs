@@ -30,7 +30,7 @@ use crate::text::counted;
 pub struct Options {
     /// Suite file.
     pub suite: PathBuf,
-    /// Who drives, as for `evodrive suite run`; may be repeated.
+    /// Driver, as for `evodrive suite run`; may be repeated.
     #[arg(long)]
     pub driver: Vec<String>,
     /// Weights of a learned driver (.safetensors); may be repeated.
@@ -69,7 +69,7 @@ struct Entry {
     totals: Vec<Total>,
 }
 
-/// What the numbers are.
+/// Explanation of the numbers.
 const NOTE: &str = "Ordered by arrived: the share of playable scenes that were driven to the end of the route without a contact; a scene \
                     in which the planner gave no drive counts against it, so neither a driver that stands still nor one that ends early \
                     comes first. Who a suite was planned around meets its own weak spots there: compare others with each other. Crash rate, preventable and \
@@ -137,7 +137,7 @@ fn keep_common(results: &mut [SuiteResult]) -> usize {
     common.len()
 }
 
-/// What drivers are ordered by.
+/// Returns the number by which drivers are ordered.
 fn rank(entry: &Entry) -> f64 {
     entry.totals.first().and_then(Total::arrived_of_playable).map_or(0.0, |share| share.value)
 }

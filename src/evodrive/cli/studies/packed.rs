@@ -159,7 +159,7 @@ pub fn find<'s>(run: &'s RecordedRun, name: &str) -> Result<&'s Program, Failure
     Ok(run.program(&SolutionId::new(name)).unwrap_or(&candidate.program))
 }
 
-/// What the lineage was counselled, with the digests of the scenes.
+/// Returns the lineage's counsel, with the digests of the scenes.
 fn counsel(run: &RecordedRun, pool: &Pool, lineage: &LineageId) -> BTreeMap<String, CarriedCounsel> {
     let own = run.counsels.iter().filter(|counselled| counselled.lineage == *lineage);
     let carried = own.filter_map(|counselled| {

@@ -25,7 +25,7 @@ use crate::text::counted;
 
 /// Bytes that a golden or a file of the paper may have.
 const BYTES_MAX: u64 = 1 << 26;
-/// What a full form makes beside its pieces.
+/// Files that a full form makes beside its pieces.
 const WHOLE: [&str; 6] = ["claims.md", "claims.csv", "claims.tex", "numbers.tex", "roots.tex", "provenance.toml"];
 
 #[derive(Debug, Args)]
@@ -151,7 +151,7 @@ fn make(plan: &Plan, wanted: &[&Piece], ran: &Ran, options: &Options, jobs: usiz
     Ok(made)
 }
 
-/// What runs are, by their names in the plan.
+/// Facts about runs, by their names in the plan.
 type Known = BTreeMap<String, Value>;
 
 /// The runs in the order of the plan.
@@ -163,7 +163,7 @@ fn roots_of(plan: &Plan, known: &Known) -> String {
     roots(&plan.runs.iter().filter_map(|run| root(&run.name)).collect::<Vec<_>>())
 }
 
-/// What each file was made from.
+/// Returns what each file was made from.
 fn provenance(wanted: &[&Piece], known: &Known, made: &Made) -> Result<String, Failure> {
     let whole: BTreeMap<&str, String> =
         WHOLE.into_iter().filter_map(|name| Some((name, digest_of(made, name)?))).collect();
@@ -172,7 +172,7 @@ fn provenance(wanted: &[&Piece], known: &Known, made: &Made) -> Result<String, F
     provenance_text(&all)
 }
 
-/// What one run is.
+/// Returns what one run rests on.
 fn rests_on(name: &str, ran: &Ran) -> Value {
     let (experiment, cassette) = ran.sources.get(name).cloned().unwrap_or_default();
     let Some(recorded) = ran.recorded_runs.get(name) else { return json!({"experiment": experiment}) };
@@ -193,7 +193,7 @@ fn digest_of(made: &Made, name: &str) -> Option<String> {
     made.get(name).map(|bytes| Digest::of_bytes(bytes).to_hex())
 }
 
-/// What one piece was made from, and the digests of its files.
+/// Returns what one piece was made from, and the digests of its files.
 fn made_from(piece: &Piece, made: &Made) -> Value {
     let own: BTreeMap<&str, String> = ["md", "csv", "tex", "svg", "pdf"]
         .into_iter()
@@ -297,7 +297,7 @@ fn blessed(plan: &Plan, label: &str, options: &Options, jobs: usize) -> Result<A
     written((&piece.label, &said), made, &known, &folder)
 }
 
-/// The runs of these pieces in the place of those that the goldens have: what they are, their lines among the roots, and which of them the
+/// Replaces the goldens' runs by those of these pieces: what they are, their lines among the roots, and which of them the
 /// claims do not judge yet.
 fn put_runs(
     made: &mut Made,
@@ -335,7 +335,7 @@ fn blessed_numbers(name: &str, file: &str, folder: &Path, options: &Options) -> 
     written((name, ""), made, &known, folder)
 }
 
-/// A table's numbers in the place of those that the goldens have of it, and their digest.
+/// Replaces the goldens' numbers of a table, and their digest.
 fn put_numbers(made: &mut Made, known: &mut toml::Table, folder: &Path, name: &str, own: &str) -> Result<(), Failure> {
     let before = match made.get("numbers.tex") {
         Some(bytes) => String::from_utf8_lossy(bytes).into_owned(),
@@ -373,7 +373,7 @@ fn damaged(folder: &Path, what: String) -> Failure {
     Failure::bad_input(format!("{}: {what}; {whole}", provenance_place(folder).display()))
 }
 
-/// What the goldens were made from.
+/// Reads what the goldens were made from.
 fn known_provenance(folder: &Path) -> Result<toml::Table, Failure> {
     let text = text_of(&provenance_place(folder))?;
     text.parse().map_err(|error: toml::de::Error| damaged(folder, error.to_string()))
@@ -401,7 +401,7 @@ fn one(plan: &Plan, label: &str, out: &Path, options: &Options, jobs: usize) -> 
     Ok(Answer::new(format!("{}: {}", piece.label, names.join(", ")), json!({"label": piece.label, "written": written})))
 }
 
-/// What was made against what stands in the goldens, the text's typed numbers, and the pages that it makes.
+/// Checks what was made against the goldens, the text's typed numbers, and the pages that the text makes.
 fn check(plan: &Plan, made: &Made, options: &Options) -> Result<Answer, Failure> {
     let (folder, text) = (options.golden.join("paper"), options.paper.join("evodrive.tex"));
     let mut wrong = Vec::new();

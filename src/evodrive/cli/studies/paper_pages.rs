@@ -21,15 +21,15 @@ const LIMIT: Duration = Duration::from_secs(300);
 const RUNS: usize = 3;
 /// Points an inch of the small pictures.
 const DOTS: &str = "18";
-/// What Debian calls what is needed.
+/// Debian's command to install what is needed.
 const PACKAGES: &str =
     "apt-get install --no-install-recommends texlive-latex-recommended texlive-fonts-recommended poppler-utils";
 
-/// What was seen.
+/// Result of looking at the pages.
 pub struct Seen {
-    /// What is wrong, a line each.
+    /// Faults, a line each.
     pub wrong: Vec<String>,
-    /// What could be looked at, or why not.
+    /// Pages that could be looked at, or the reason why not.
     pub about: String,
 }
 

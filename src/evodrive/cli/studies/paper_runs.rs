@@ -17,9 +17,9 @@ use crate::experiment::{Experiment, SceneSource, is_scripted};
 use crate::kernel::{Digest, Threads};
 use crate::store;
 
-/// What stands in the place of a cassette's digest where answers are made anew.
+/// Text in place of a cassette's digest if answers are made anew.
 const NOT_KEPT: &str = "none is kept: the scripted model answers again";
-/// Where runs lie, whether they are taken as they are, and on how many threads they are made else.
+/// Folder of the runs, whether they are taken as they are, and the number of threads on which they are made otherwise.
 pub struct How<'a> {
     pub runs: &'a Path,
     pub as_recorded: bool,

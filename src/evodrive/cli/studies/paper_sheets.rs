@@ -22,7 +22,7 @@ use crate::store;
 
 /// Bytes that a golden may have.
 const BYTES_MAX: u64 = 1 << 26;
-/// What stands for a table where the measures of a run's world evaluator are meant.
+/// Word in place of a table for the measures of a run's world evaluator.
 const EVALUATOR: &str = "evaluator";
 
 /// A piece's table or figure.
@@ -31,7 +31,7 @@ pub enum Sheet {
     Figure(Figure),
 }
 
-/// What a piece of the plan is, from its runs.
+/// Makes a piece of the plan from its runs.
 pub fn sheet(piece: &Piece, ran: &Ran, jobs: usize) -> Result<Sheet, Failure> {
     Ok(match piece.what() {
         What::Credit => {
@@ -99,7 +99,7 @@ pub enum Numbers {
     Read(BTreeMap<String, String>),
 }
 
-/// What the text may name of a table that is no piece.
+/// Returns the numbers that the text may name of a table that is no piece.
 pub fn named_numbers(named: &Named, ran: &Ran, golden: &Path) -> Result<Numbers, Failure> {
     if let Some(file) = &named.golden {
         return Ok(Numbers::Read(read_numbers(&named.name, file, golden)?));

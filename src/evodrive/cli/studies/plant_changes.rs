@@ -13,7 +13,7 @@ pub struct PlantChange {
     /// The option, and what became of it.
     pub name: String,
     pub plant: PlantOptions,
-    /// Whether the driver by IDM heeds lights where it did not, and the other way round.
+    /// True if the driver by IDM heeds lights where it did not, and the other way round.
     other_lights: bool,
 }
 
@@ -53,7 +53,7 @@ pub fn plant_changes(plant: &PlantOptions) -> Vec<PlantChange> {
         }
     }
     if plant.ego_car == EgoCar::Sprung {
-        // What bends cost and how brakes take is what its wheels do.
+        // Its wheels decide the loss of speed in bends and the effect of brakes.
         add("the ego's car without springs", &|plant| plant.ego_car = EgoCar::SingleTrack);
     } else {
         for (word, factor) in [("more", 1.0 + SHARE), ("less", 1.0 - SHARE)] {

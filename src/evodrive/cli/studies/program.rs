@@ -24,7 +24,7 @@ pub enum Command {
     Set(program_hand::SetOptions),
     /// Check a program file: every place that does not fit, with what is expected there.
     Check(program_check::Options),
-    /// What one program does otherwise than another of its family, in words.
+    /// Show in words what one program does differently from another of its family.
     Diff(program_diff::Options),
     /// Show a program: where it came from, what it changes in its parent, and its whole content.
     Show(Which),

@@ -33,7 +33,7 @@ pub struct Options {
     pub ego: Option<String>,
 }
 
-/// What compiling came to.
+/// Result of compiling.
 struct Compiled {
     scenes: usize,
     acts: usize,
@@ -106,7 +106,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     Ok(Answer { exit, ..Answer::new(text, object) })
 }
 
-/// What the compile gate asks, on scenes that are named.
+/// Compiles as the compile gate does, on scenes that are named.
 fn compile(options: &Options, file: &ProgramFile, jobs: usize) -> Result<Compiled, Failure> {
     let (_, ego) = apply::under_test(file, options.ego.as_ref(), (None, None))?;
     let (taken, _) = apply::sorted_out(&options.scenes, file, files::read(&options.scenes, jobs)?)?;

@@ -56,7 +56,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     Ok(Answer::new(text, object))
 }
 
-/// What else their labels hang on.
+/// Returns the other differences on which their labels depend.
 fn conditions(first: &ProgramFile, second: &ProgramFile) -> Vec<String> {
     let (a, b) = (&first.conditions, &second.conditions);
     let mut lines = Vec::new();
@@ -80,7 +80,7 @@ fn conditions(first: &ProgramFile, second: &ProgramFile) -> Vec<String> {
 /// The program of a file, of `RUN:ATTEMPT`, or of an attempt of the latest run.
 ///
 /// # Errors
-/// Those of the file or the run.
+/// Errors of the file or the run.
 fn named(name: &str) -> Result<ProgramFile, Failure> {
     if program_form::is_file(name) {
         return Ok(ProgramFile::read(Path::new(name))?);

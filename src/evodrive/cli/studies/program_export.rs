@@ -67,7 +67,7 @@ pub enum Form {
     /// The same as OpenSCENARIO 1.0, for CARLA's ScenarioRunner.
     #[value(name = "openscenario-1.0")]
     Openscenario10,
-    /// What the program commands, as JSON for the scenario class of bridges/safebench.
+    /// Motion that the program commands, as JSON for the scenario class of bridges/safebench.
     Intervention,
 }
 
@@ -103,7 +103,7 @@ struct Commanded {
     intervention: Result<Intervention, String>,
 }
 
-/// What the program commands in the scenes that are named.
+/// Returns what the program commands in the scenes that are named.
 fn commanded(options: &Options, file: &ProgramFile, jobs: usize) -> Result<Vec<Commanded>, Failure> {
     if options.scenes.is_empty() {
         return Ok(Vec::new());
@@ -121,7 +121,7 @@ fn commanded(options: &Options, file: &ProgramFile, jobs: usize) -> Result<Vec<C
     Ok(entries.iter().zip(commanded).map(of).collect())
 }
 
-/// What is written, and what is not and why.
+/// Files that are written, and scenes that are left out with the reason.
 #[derive(Default)]
 struct Written {
     files: Vec<(String, Vec<u8>)>,

@@ -132,7 +132,7 @@ fn in_place(options: &SetOptions, written: &ProgramFile) -> Result<Option<Vec<u8
     Ok(same.then(|| new.into_bytes()))
 }
 
-/// Where a text that is being edited lies.
+/// Returns the path of a text that is being edited.
 pub fn draft_of(path: &Path) -> PathBuf {
     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     path.with_file_name(format!("{name}.edit.toml"))

@@ -22,11 +22,11 @@ pub struct Options {
     /// A scenario list of SafeBench (scenario_type/human.json, random.json, advsim.json, advtraj.json), control sequences of AdvSim or
     /// AT (many, or one of 100 numbers), or ChatScene's optimised ranges (scenario_1.json to scenario_8.json).
     pub file: PathBuf,
-    /// Of each scenario's entries this one alone, or the sequence of this number, counted from 0. Without it the whole grid of a list
-    /// of parameters, or the first sequence.
+    /// Entry to take from each scenario's entries, or number of the sequence, counted from 0. Without it the whole grid
+    /// of a list of parameters, or the first sequence.
     #[arg(long, value_name = "NUMBER")]
     pub take: Option<u32>,
-    /// Route whose entries are meant, where those of routes differ; of ChatScene's files 0 without it.
+    /// Route whose entries are meant, if those of routes differ; for ChatScene's files 0 without it.
     #[arg(long, value_name = "NUMBER")]
     pub route: Option<u32>,
     /// Method of control sequences: advsim or adv_trajectory.

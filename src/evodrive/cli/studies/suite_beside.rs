@@ -65,7 +65,7 @@ fn rows(results: &[&SuiteResult], pairs: &[Compared]) -> Vec<Vec<String>> {
     names(results).into_iter().zip(results).enumerate().map(row).collect()
 }
 
-/// What the columns of both tables are.
+/// Explanation of the columns of both tables.
 const NOTE: &str = "lost, won: scenes in which this result, or the first, crashed alone; chance of that division if both crash equally often (McNemar, \
                     exact, two-sided), not corrected for several comparisons; in brackets 95 % intervals";
 

@@ -19,7 +19,7 @@ use crate::text::counted;
 
 /// Scenes that a list names before it counts.
 const LISTED_MAX: usize = 20;
-/// A chance below this is told as a difference.
+/// Chance below which a difference is reported.
 const SURE: f64 = 0.05;
 
 #[derive(Debug, Args)]
@@ -177,7 +177,7 @@ fn text(
     text
 }
 
-/// What all scenes together say of crashes.
+/// Returns what all scenes together say of crashes.
 fn verdict(compared: &Compared) -> String {
     let Some(all) = compared.rows.first() else { return String::new() };
     let discordant = all.first_alone + all.second_alone;

@@ -23,24 +23,24 @@ use crate::suite::{Case, CaseOutcome, FaultKind, Played};
 /// A planner by its digest, and its recorded answers by rules.
 pub type Answered = (Digest, BTreeMap<usize, RolloutCassette>);
 
-/// Where a planner's answers are kept while they come.
+/// Place in which a planner's answers are kept while they come.
 pub struct Kept<'a> {
     pub store: &'a Store,
-    /// Those of an earlier run, by rules.
+    /// Answers of an earlier run, by rules.
     pub before: BTreeMap<usize, RolloutCassette>,
 }
 
-/// With what it is driven.
+/// Threads to drive with, and the interrupt that stops them.
 pub struct Running<'a> {
     pub threads: &'a Threads,
     pub interrupt: &'a Interrupt,
 }
 
-/// What came of all cases, and the answers behind it by rules.
+/// Results of all cases, and the answers behind them by rules.
 pub struct Driven {
     pub cases: Vec<Played>,
     pub answers: BTreeMap<usize, RolloutCassette>,
-    /// How many answers were compared with a second one, in words.
+    /// Number of answers that were compared with a second one, in words.
     pub compared: Vec<String>,
 }
 
@@ -301,12 +301,12 @@ fn key_of(stage: &SuiteRunner<'_>, case: &Case, (options, ego): (&BackendOptions
     Request::new(options, &plant, &case.intervention, ego, stage.drawn(case)).ok().map(|request| request.key)
 }
 
-/// What a report has room for.
+/// Cuts a text to the length that a report has room for.
 fn first_lines(text: &str) -> String {
     text.chars().take(600).collect()
 }
 
-/// Planners, watched for the request that shows them to be no function.
+/// Planners, watched for the request that shows that they do not answer alike to the same question.
 struct Watched<'a> {
     planners: &'a Planners<'a>,
     culprit: &'a Mutex<Option<Digest>>,

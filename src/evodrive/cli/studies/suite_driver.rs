@@ -1,4 +1,4 @@
-//! Who drives in a suite: a policy by its name or its weights, one that stands still, or a planner.
+//! Drivers in a suite: a policy by its name or its weights, one that stands still, or a planner.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ const NAMES: [&str; 6] = {
     [idm, idm_lights, pdm, frenet, replay, STANDING]
 };
 
-/// Who drives.
+/// Driver of a suite's cases.
 #[derive(Clone, Debug)]
 pub enum TestDriver {
     Policy(String, Policy),

@@ -41,7 +41,7 @@ fn cells(group: &Group) -> Vec<String> {
 /// Heads of a table of kinds.
 const HEADS: [&str; 5] = ["kind of failure", "preventable", "scenes", "fastest, m/s", "worst scene"];
 
-/// What failed and why; empty where nothing did.
+/// Returns what failed and why; empty if nothing did.
 pub fn text(result: &SuiteResult, width: usize, command: &dyn Fn(&Played) -> String) -> String {
     let groups = groups(result);
     if groups.is_empty() {
@@ -68,7 +68,7 @@ pub fn object(result: &SuiteResult) -> Value {
     json!({"headline": headline(&groups), "order": SEVERITY, "kinds": groups})
 }
 
-/// The same as a piece of a page; `place` is that of a case among those that the page plays.
+/// Returns the same as a piece of a page; `place` gives the place of a case among those that the page plays.
 pub fn html(result: &SuiteResult, place: &dyn Fn(&str) -> Option<usize>) -> String {
     let groups = groups(result);
     if groups.is_empty() {
@@ -124,7 +124,7 @@ fn picture(timeline: &Timeline, why: &str) -> String {
     let last = timeline.chances.iter().filter_map(|chance| chance.last_s);
     let all = timeline.visible_s.into_iter().chain(timeline.reaction.map(|of| of.at_s)).chain(last);
     let span_s = all.map(before).fold(1.0, f64::max).min(SPAN_MAX_S).ceil();
-    // Up to which share of the width a moment is.
+    // Share of the width at which a moment lies, percent.
     let share = |at_s: f64| 100.0 * (1.0 - (before(at_s) / span_s).min(1.0));
     let mut html = format!("<div class=\"line\" role=\"img\" aria-label=\"{}\">\n", escaped(why));
     let mut row = |name: &str, class: &str, bar: Option<(f64, f64)>, value: String| {
@@ -164,7 +164,7 @@ fn picture(timeline: &Timeline, why: &str) -> String {
     html + &format!("<span></span><i class=\"axis\">{ticks}</i><span></span>\n</div>\n")
 }
 
-/// Of a failure what a row of a table says: its kind, when it was seen and reacted to, the last chance.
+/// Returns the row of a failure in a table: its kind, when it was seen and reacted to, the last chance.
 pub fn row(played: &Played) -> Vec<String> {
     let number = |value: Option<f64>| value.map_or(String::new(), |value| num::fixed(value, 1));
     let timeline = played.timeline.as_ref();

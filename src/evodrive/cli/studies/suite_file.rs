@@ -30,7 +30,7 @@ impl From<SuiteError> for Failure {
     }
 }
 
-/// Whether a path is that of a suite.
+/// Returns `true` if a path is that of a suite.
 pub fn is_suite(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending == ENDING)
 }
@@ -72,7 +72,7 @@ pub fn parse_result(path: &Path) -> Result<SuiteResult, Failure> {
     result_from_bytes(&path.display().to_string(), &bytes).map_err(Failure::bad_input)
 }
 
-/// What says that a result was changed, if something does. Of a format without a seal it is told that nobody can say.
+/// Returns what shows that a result was changed, if something does. For a format without a seal it says that nobody can tell.
 pub fn broken_seal(path: &Path, result: &SuiteResult) -> Result<Option<&'static str>, Failure> {
     match is_as_sealed(result).map_err(Failure::bad_input)? {
         Some(true) => Ok(None),
@@ -106,7 +106,7 @@ pub fn read_result(path: &Path) -> Result<SuiteResult, Failure> {
     Ok(result)
 }
 
-/// Where the answers of a result lie: beside it, one file a set of rules.
+/// Returns the file for the answers of a result: beside it, one file a set of rules.
 pub fn answers_beside(result: &Path, rules: usize) -> PathBuf {
     let stem = result.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     let number = if rules == 0 { String::new() } else { format!("-{}", rules + 1) };

@@ -40,7 +40,7 @@ pub struct Options {
     /// repeated.
     #[arg(long)]
     pub run: Vec<PathBuf>,
-    /// Of the runs take the parents and every accepted program, too.
+    /// Take the parents and every accepted program of the runs, too.
     #[arg(long, requires = "run")]
     pub all: bool,
     /// Family whose published parent is taken, or all; may be repeated.
@@ -49,7 +49,7 @@ pub struct Options {
     /// Pools, scenario files or folders.
     #[arg(long, num_args = 1.., required = true)]
     pub scenes: Vec<PathBuf>,
-    /// Whom the programs plan around, and of whom the labels are: idm, idm-lights, pdm, frenet, replay, weights (.safetensors), or a planner's
+    /// Driver that the programs plan around and that the labels are of: idm, idm-lights, pdm, frenet, replay, weights (.safetensors), or a planner's
     /// file. Given several times they take turns over the scenes, and a case says around whom it was planned.
     #[arg(long, default_value = "idm")]
     pub driver: Vec<String>,
@@ -184,7 +184,7 @@ fn drivers(options: &Options) -> Result<Vec<Around>, Failure> {
     Ok(all)
 }
 
-/// What may be frozen around one driver.
+/// Returns what may be frozen around one driver.
 fn of_driver(
     driver: &Around,
     (around, programs): (&Freezing<'_>, &[Planned]),
@@ -309,7 +309,7 @@ fn together(marks: &[DriverMark]) -> DriverMark {
     }
 }
 
-/// The cases that are chosen of what may be frozen around one driver: so many a family, and the share of plain ones beside them.
+/// Chooses cases from what may be frozen around one driver: `per_family` of each family, and the share of plain ones beside them.
 fn cases_of(
     found: Vec<Freezable>,
     (per_family, plain_share): (usize, f64),

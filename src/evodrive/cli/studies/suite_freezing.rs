@@ -1,4 +1,4 @@
-//! What programs do in scenes around a driver, as it may be frozen.
+//! Plays programs in scenes around a driver, in a form that may be frozen.
 
 use crate::backend::{Backend, NoOutcome, ProgramContext};
 use crate::cli::evolve::behind::{self, Asked};
@@ -13,7 +13,7 @@ use crate::kernel::{Digest, Seed, Threads};
 use crate::sim::{ContactClass, Intervention, Outcome, Plant, SimulatorOptions};
 use crate::suite::{Candidate, PLAIN, class_of};
 
-/// What may be frozen of a scene.
+/// Part of a scene that may be frozen.
 pub struct Freezable {
     pub candidate: Candidate,
     pub program: Option<usize>,
@@ -22,11 +22,11 @@ pub struct Freezable {
     pub label: Outcome,
 }
 
-/// Around whom it is frozen.
+/// Driver around which it is frozen, and the conditions.
 pub struct Freezing<'a> {
     /// For planners' random numbers.
     pub seed: u64,
-    /// Whether only contacts are frozen that a careful ego avoids.
+    /// True if only contacts are frozen that a careful ego avoids.
     pub preventable_only: bool,
     /// Least realism of what a program does, and how it is scored.
     pub floor: Option<(f64, &'a RealismOptions)>,
@@ -38,7 +38,7 @@ pub struct Freezing<'a> {
 }
 
 impl Freezing<'_> {
-    /// What one program does in the scenes of its protocol, and how many they are.
+    /// Returns what one program does in the scenes of its protocol, and the number of those scenes.
     pub fn of_program(
         &self,
         planned: &Planned,

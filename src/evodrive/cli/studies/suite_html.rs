@@ -1,4 +1,4 @@
-//! What pages of suites have in common: how tables look, and the body of a page without a player.
+//! Parts that pages of suites have in common: how tables look, and the body of a page without a player.
 
 use crate::draw::escaped;
 
@@ -9,11 +9,11 @@ pub const STYLE: &str = "<style>.wide { overflow-x: auto } table.suite { border-
                      .worst { margin: 0 0 1rem } .worst div { overflow-x: auto } .worst svg { width: 100%; min-width: 640px; height: auto; max-height: 46vh } \
                      @media (max-width: 700px) { .wide.many::before { content: \"scroll sideways for the rest →\"; font-size: 13px } }</style>\n";
 
-/// Around a page of suites that has no player.
+/// Head of a page of suites that has no player.
 pub const BODY: &str = "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
                     <style>body { margin: 0 auto; max-width: 1180px; padding: 16px 20px; overflow-wrap: anywhere; \
                     font: 15px/1.5 system-ui, \"Segoe UI\", \"DejaVu Sans\", sans-serif } h1 { font-size: 22px; margin: 0 0 4px }</style>\n";
-/// From so many columns on a table is wider than a telephone.
+/// Number of columns from which on a table is wider than a telephone.
 const MANY: usize = 5;
 
 /// A table of texts.

@@ -46,12 +46,12 @@ pub fn page(
     Ok(players_below(&above, &drawings, &title))
 }
 
-/// How many panels the worst failure's picture has, and their width, pixels.
+/// Number of panels in the worst failure's picture, and their width, pixels.
 const PANELS: usize = 3;
 const PANEL_PX: f64 = 400.0;
-/// What happens around ego and adversaries in it, metres.
+/// Margin around ego and adversaries in it, metres.
 const AROUND_M: f64 = 12.0;
-/// Seconds before the contact with which it begins.
+/// Seconds before the contact at which it begins.
 const LED_UP_S: f64 = 3.0;
 
 /// The worst failure up to its contact, which a reader sees before anything is scrolled.

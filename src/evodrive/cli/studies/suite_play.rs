@@ -26,7 +26,7 @@ pub struct Options {
     /// The case, as `evodrive suite show` lists it.
     #[arg(long)]
     pub case: String,
-    /// Who drives, as for `evodrive suite run`; may be repeated.
+    /// Driver, as for `evodrive suite run`; may be repeated.
     #[arg(long)]
     pub driver: Vec<String>,
     /// A planner's result whose recorded answers drive; may be repeated.
@@ -39,7 +39,7 @@ pub struct Options {
     pub output: Output,
 }
 
-/// What a file holds, as its name's ending says.
+/// Content of a file, as the ending of its name says.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Page,

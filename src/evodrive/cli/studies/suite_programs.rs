@@ -29,7 +29,7 @@ pub struct Planned {
     pub source: Source,
     pub rules: SimulatorOptions,
     pub evaluation: EvaluationOptions,
-    /// Who is advised to attack, by the scene's digest.
+    /// Counsel on who attacks, by the scene's digest.
     pub counsels: BTreeMap<Digest, Counsel>,
 }
 
@@ -43,7 +43,7 @@ impl Planned {
     }
 }
 
-/// Where programs come from.
+/// Sources of programs.
 pub struct Sources<'a> {
     pub files: &'a [PathBuf],
     pub runs: &'a [PathBuf],

@@ -37,8 +37,8 @@ use crate::text::{counted, nearest};
 pub struct Options {
     /// Suite file.
     pub suite: PathBuf,
-    /// Who drives: idm, idm-lights, pdm, frenet, replay, standing, weights (.safetensors), or a planner: a program, a .py file, or a .toml file
-    /// with a table [driver] (docs/EGOS.md).
+    /// Driver: idm, idm-lights, pdm, frenet, replay, standing, weights (.safetensors), or a planner: a program, a .py
+    /// file, or a .toml file with a table [driver] (docs/EGOS.md).
     #[arg(long, required_unless_present = "recorded")]
     pub driver: Option<String>,
     /// A result of a planner that is driven again from its recorded answers; no planner is started.
@@ -172,7 +172,7 @@ pub struct Made {
     pub answers: BTreeMap<usize, RolloutCassette>,
     /// The driver, to draw what it did.
     pub driver: TestDriver,
-    /// Where its answers waited, which goes when they are written.
+    /// Folder in which its answers waited, removed when they are written.
     recording: Option<OwnDir>,
 }
 
@@ -250,7 +250,7 @@ pub fn again(
     let before = suite_file::parse_result(path)?;
     suite_file::of_suite(path, &before, frozen)?;
     let due = asked(&before, &frozen.suite);
-    // A result of a selection says nothing of the other cases: who asks for those by name is told so.
+    // A result of a selection says nothing of the other cases: a user who names those is told so.
     let wanted = if selection.marks().is_all() { due.clone() } else { selection.of(&frozen.suite)? };
     let (cases, absent): (Vec<&Case>, Vec<&Case>) =
         wanted.iter().copied().partition(|case| before.case(&case.id).is_some());
@@ -329,7 +329,7 @@ fn answers_behind(path: &Path, result: &SuiteResult, suite: &Suite) -> Result<An
     }
 }
 
-/// What recorded answers are not as their result says.
+/// Returns how recorded answers differ from what their result says.
 fn unlike(
     path: &Path,
     result: &SuiteResult,

@@ -27,11 +27,11 @@ pub struct SuiteRunner<'a> {
     realism: RealismOptions,
 }
 
-/// What came of a case, and what is said of its contact.
+/// Outcome of a case, and what is said of its contact.
 pub struct Drove {
     pub outcome: Outcome,
     pub timeline: Option<Timeline>,
-    /// Of what others did; nothing where nobody is moved.
+    /// Realism of what others did; `None` if nobody is moved.
     pub realism: Option<f64>,
     pub fault: Option<Fault>,
     pub jury: Option<Jury>,
@@ -44,7 +44,7 @@ impl Drove {
     }
 }
 
-/// Who drives, and who simulates: one a set of rules.
+/// Driver, and the simulators: one a set of rules.
 pub enum DriverSource<'a> {
     Standing,
     Policy(Policy, Vec<Backend<'a>>),
@@ -57,7 +57,7 @@ impl<'a> SuiteRunner<'a> {
         Ok(SuiteRunner { suite, scenes, realism: shipped_realism()? })
     }
 
-    /// What is simulated in a case.
+    /// Returns the plant that simulates a case.
     pub fn plant(&self, case: &Case) -> Result<Plant, NoOutcome> {
         let scene = self.scenes.get(case.scene.as_str());
         let (Some(scene), Some(rules)) = (scene, self.suite.rules.get(case.rules)) else {
@@ -79,8 +79,8 @@ impl<'a> SuiteRunner<'a> {
         Ok(Drove { timeline, realism, ..self.judged(case, &plant, source, (outcome, &motion))? })
     }
 
-    /// Who is at fault for a contact, and who would have avoided it. A planner drove once: its motion is driven along again, which a car
-    /// on springs does not allow.
+    /// Judges who is at fault for a contact, and who would have avoided it. A planner drove once: its motion is driven
+    /// along again, which a car on springs does not allow.
     fn judged(
         &self,
         case: &Case,
@@ -146,7 +146,7 @@ pub fn shipped_realism() -> Result<RealismOptions, Failure> {
     }
 }
 
-/// What a planner that is not blind is told of a program of a suite.
+/// Returns what a planner that is not blind is told of a program of a suite.
 pub fn under(member: &Member) -> ProgramContext {
     ProgramContext::program(member.program, member.is_parent())
 }

@@ -13,7 +13,7 @@ use crate::text::counted;
 /// Scenes that a list names before it counts.
 const LISTED_MAX: usize = 20;
 
-/// How many cases have a contact of which class.
+/// Counts the cases with a contact, by its class.
 pub fn class_counts(cases: &[&Case]) -> String {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     cases.iter().for_each(|case| *counts.entry(case.class()).or_insert(0) += 1);
@@ -78,7 +78,7 @@ pub fn table(totals: &[Total], width: usize) -> String {
     }
 }
 
-/// How many cases this driver cannot play, which is said before any number; nothing where it plays all.
+/// Returns how many cases this driver cannot play, which is said before any number; empty if it plays all.
 pub fn playable(totals: &[Total]) -> String {
     match totals.first() {
         Some(all) if all.unplayable > 0 => {
@@ -92,7 +92,7 @@ pub fn playable(totals: &[Total]) -> String {
     }
 }
 
-/// What the numbers are.
+/// Explanation of the numbers.
 pub const NOTE: &str = "rates are shares of driven scenes with 95 % Wilson intervals; preventable: braking or swerving in time avoids the \
                         contact, and it is no ram from behind; at fault: by nuPlan's rule; arrived: of the scenes that could be played those driven to the route's end without a contact; completion: mean share of the route, 95 % bootstrap; class: of the contact that the suite's own driver had";
 
@@ -121,7 +121,7 @@ pub fn rules(rules: &[RuleResult], result: &SuiteResult, command: &dyn Fn(&Playe
     text
 }
 
-/// So many cases, and of how many where that is not the whole suite.
+/// Returns the number of cases, and out of how many if that is not the whole suite.
 pub fn of_all(cases: usize, suite: &Suite) -> String {
     let all = counted(suite.cases.len(), "case");
     if cases == suite.cases.len() { all } else { format!("{cases} of {all}") }
@@ -140,13 +140,13 @@ pub fn left_out(result: &SuiteResult, suite: &Suite) -> String {
     }
 }
 
-/// What was not driven, by reason.
+/// Returns what was not driven, by reason.
 pub fn not_driven(result: &SuiteResult) -> String {
     let mut reasons: BTreeMap<String, Vec<&str>> = BTreeMap::new();
     for played in &result.cases {
         let reason = match &played.came {
             CaseOutcome::Driven(_) => continue,
-            // What differs from scene to scene is in the result.
+            // The result has what differs from scene to scene.
             CaseOutcome::Fault { kind, .. } => format!("fault, {}", kind.name()),
             CaseOutcome::Unplayable { reason } => format!("cannot be played: {}", reason.replace(&played.scene, "..")),
         };

@@ -114,7 +114,7 @@ pub fn lessons(pool: &Pool, simulator: &SimulatorOptions, threads: &Threads) -> 
     prepared.into_iter().map(|plant| plant.map(Lesson::from).map_err(Failure::bad_input)).collect()
 }
 
-/// Whether a file is a checkpoint of this training.
+/// Returns `true` if a file is a checkpoint of this training.
 fn is_of(path: &Path, file: &TrainingFile, recipe: Digest) -> bool {
     let read = store::read_bounded(path, CHECKPOINT_BYTES_MAX);
     read.is_ok_and(|bytes| Training::resumed(file.training, recipe, &bytes).is_ok())

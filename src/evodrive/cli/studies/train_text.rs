@@ -1,4 +1,4 @@
-//! What `train` and `egos` tell: progress, figures, cards.
+//! Text of `train` and `egos`: progress, figures, cards.
 
 use serde_json::{Value, json};
 use std::path::Path;
@@ -76,7 +76,7 @@ impl Pace {
 pub struct Trained<'a> {
     pub file: &'a TrainingFile,
     pub recipe: Digest,
-    /// Of the scenes to learn on and to compare by.
+    /// Digests of the scenes to learn on and to compare by.
     pub pools: [Digest; 2],
     pub state: &'a Training,
     /// The kept actor and IDM on the validation scenes.

@@ -35,10 +35,10 @@ pub struct Options {
     /// Pools or files of scenes that none of these searches has seen.
     #[arg(long, num_args = 1.., required = true)]
     pub scenes: Vec<PathBuf>,
-    /// Who drives, a column each: idm, idm-lights, pdm, frenet, replay, sac-metadrive, sac-metadrive-2.
+    /// Drivers, a column each: idm, idm-lights, pdm, frenet, replay, sac-metadrive, sac-metadrive-2.
     #[arg(long, value_delimiter = ',', default_value = "idm,pdm,frenet,sac-metadrive-2")]
     pub drivers: Vec<String>,
-    /// A row a family, too.
+    /// Add a row for each family.
     #[arg(long)]
     pub by_family: bool,
     /// How to write it; without it Markdown.
@@ -114,7 +114,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     written(options, &transferred)
 }
 
-/// The table of how well acted road users are told from recorded ones.
+/// Returns the table of how well moved road users are distinguished from recorded ones.
 fn recognised(
     (players, entries, threads): Played<'_>,
     (name, ego): &(&'static str, Policy),
@@ -144,7 +144,7 @@ fn recognised(
     Ok(recognised::text(&rows, (entries.len(), head(name))))
 }
 
-/// Those of one scene; nobody where the program has no rollout in it or does not act.
+/// Returns the road users of one scene; none if the program has no rollout in it or does not act.
 fn road_users(applied: &Applied<'_>, program: &Program, (place, entry): (usize, &SceneEntry)) -> RoadUsers {
     let mut users = RoadUsers::default();
     let Ok(traced) = applied.trace(program, entry) else { return users };
@@ -175,7 +175,7 @@ fn road_users(applied: &Applied<'_>, program: &Program, (place, entry): (usize, 
 /// Steps before a contact at which motion is no longer looked at: there even the recorded would be an attack.
 const BEFORE_CONTACT: usize = 10;
 
-/// What all programs come to against one driver where other careful drivers judge.
+/// Returns the results of all programs against one driver, with other careful drivers as judges.
 fn careful(
     played: Played<'_>,
     driver: &[(&'static str, Policy)],

@@ -1,4 +1,4 @@
-//! What a command prints: text for people, or one JSON object for programs; progress goes to stderr.
+//! Output of a command: text for people, or one JSON object for programs; progress goes to stderr.
 
 use serde_json::{Value, json};
 use std::io::Write;
@@ -14,7 +14,7 @@ pub struct Answer {
     pub json: Value,
     /// Most answers are successes; `fsck` and `verify` may have found something.
     pub exit: Exit,
-    /// Whether the text is a file's: its lines stay as they are on a terminal too.
+    /// True if the text is a file's: its lines stay as they are on a terminal too.
     pub exact: bool,
 }
 

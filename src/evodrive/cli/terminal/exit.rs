@@ -37,7 +37,7 @@ impl From<Exit> for ExitCode {
 pub struct Failure {
     pub exit: Exit,
     pub message: String,
-    /// Whether the program under test is to be repaired first; then it is another ego, with a run folder of its own.
+    /// True if the program under test is to be repaired first; then it is another ego, with a run folder of its own.
     pub is_planners: bool,
 }
 

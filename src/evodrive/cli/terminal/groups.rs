@@ -19,7 +19,7 @@ pub const GROUPS: &[(&str, &[&str])] = &[
     ("Reference", &["options", "families", "formats", "features", "completions", "man", "help"]),
 ];
 
-/// Where a command's words begin in a line.
+/// Column at which a command's words begin in a line.
 const INDENT: usize = 15;
 
 /// The command line whose help lists its commands in groups, in lines of at most `width` characters.
@@ -44,7 +44,7 @@ fn list(command: &Command, width: usize) -> String {
     out
 }
 
-/// What a command does, up to the first pause: the rest stands in its own help.
+/// Returns what a command does, up to the first pause: the rest stands in its own help.
 fn words(command: &Command, name: &str) -> String {
     // clap adds `help` when it reads the arguments.
     let about = match command.find_subcommand(name).and_then(Command::get_about) {

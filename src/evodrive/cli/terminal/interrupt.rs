@@ -15,7 +15,7 @@ const GRACE: Duration = Duration::from_secs(3);
 /// How often somebody who waits looks whether that time is over.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Whether Ctrl-C was pressed since somebody began to listen.
+/// Flags that Ctrl-C sets once somebody has begun to listen.
 #[derive(Clone, Debug, Default)]
 pub struct Interrupt {
     asked: Arc<AtomicBool>,
@@ -45,12 +45,12 @@ impl Interrupt {
         Ok(interrupt)
     }
 
-    /// Whether it was pressed.
+    /// Returns `true` if Ctrl-C was pressed.
     pub fn is_asked(&self) -> bool {
         self.asked.load(Ordering::SeqCst)
     }
 
-    /// Whether what is outside the program is not waited for any more.
+    /// Returns `true` if nothing outside the program is waited for any more.
     pub fn is_overdue(&self) -> bool {
         self.overdue.load(Ordering::SeqCst)
     }
@@ -58,10 +58,10 @@ impl Interrupt {
     /// Waits for what somebody outside the program will say: until `deadline`, where there is one, and not long after Ctrl-C.
     ///
     /// # Errors
-    /// What ended the wait.
+    /// The reason why the wait ended.
     pub fn wait<T>(&self, from: &Receiver<T>, deadline: Option<Instant>) -> Result<T, Waited> {
         loop {
-            // Also who always answers at once is stopped.
+            // Somebody who always answers at once is stopped too.
             if self.is_overdue() {
                 return Err(Waited::Stopped);
             }
@@ -146,7 +146,7 @@ fn hear(_: Interrupt) -> Result<(), Failure> {
 /// Models that are asked nothing more once Ctrl-C was pressed. Answers that are under way are waited for a moment: they were paid
 /// for.
 pub struct Until<'a> {
-    /// Who answers before that.
+    /// Source of the answers before that.
     pub ask: &'a dyn Ask,
     pub interrupt: &'a Interrupt,
 }

@@ -1,4 +1,4 @@
-//! What a person sees: answers, failures, progress, widths, and words to copy.
+//! Output for people: answers, failures, progress, widths, and words to copy.
 
 pub mod answer;
 pub mod counting_line;

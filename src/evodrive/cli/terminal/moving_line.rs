@@ -23,7 +23,7 @@ const BAR: usize = 11;
 /// The least that is worth showing of a folder's name.
 const NAME_MIN: usize = 7;
 
-/// An answer that took so long is told of; those that were recorded or come from rules are not.
+/// Answers that take at least this long are reported, which recorded answers and those from rules do not.
 const SLOW: Duration = Duration::from_secs(2);
 
 /// Tells what happens in a run.
@@ -36,7 +36,7 @@ pub struct MovingLine {
     begun: Instant,
     /// Proposals that were judged.
     done: AtomicU64,
-    /// Of these, those of an earlier try: while nothing had to be simulated. And the milliseconds that they took.
+    /// Proposals among them of an earlier try, while nothing had to be simulated, and the milliseconds that they took.
     again: (AtomicU64, AtomicU64),
     /// Answers that took their time.
     answered: AtomicU64,
@@ -90,7 +90,7 @@ impl MovingLine {
         }
     }
 
-    /// What the moving line says, cut to the terminal.
+    /// Returns the text of the moving line, cut to the terminal.
     fn words(&self, news: &[&str]) -> String {
         let room = stderr_width().unwrap_or(USUAL).saturating_sub(BAR);
         escaped(&words(&self.standing(), &self.place, news, room)).into_owned()
@@ -120,9 +120,9 @@ impl MovingLine {
 
 /// Whoever answers, with the line that tells of slow answers.
 pub struct Heard<'a> {
-    /// Who answers.
+    /// Source of the answers.
     pub ask: &'a dyn Ask,
-    /// Where it is told.
+    /// Line that tells of slow answers.
     pub line: &'a MovingLine,
 }
 
@@ -143,7 +143,7 @@ impl Drop for MovingLine {
     }
 }
 
-/// What lies before a run. Proposals are the unit: how many there will be is known from the start.
+/// Work that lies before a run. Proposals are the unit: their number is known from the start.
 #[derive(Clone, Copy, Debug)]
 struct Way {
     epochs: u64,
@@ -161,8 +161,8 @@ impl Way {
         self.epochs * self.each
     }
 
-    /// Where a run stands that has judged so many proposals in so many seconds. The rate is the mean since it began; where
-    /// it goes on from an earlier try, `again` of them were only read, and the rate is that of the others.
+    /// Returns the standing of a run that has judged so many proposals in so many seconds. The rate is the mean since
+    /// it began. If it goes on from an earlier try, `again` of them were only read, and the rate is that of the others.
     fn standing(self, (done, seconds): (u64, f64), again: (u64, f64)) -> Standing {
         let all = self.proposals();
         if done >= all {
@@ -183,7 +183,7 @@ impl Way {
     }
 }
 
-/// Where a run stands: share, rate and time left, with epoch and number of proposals and without.
+/// Standing of a run: share, rate and time left, with epoch and number of proposals and without.
 struct Standing {
     whole: String,
     short: String,
@@ -213,7 +213,7 @@ fn words(standing: &Standing, place: &str, news: &[&str], room: usize) -> String
     out
 }
 
-/// What is said of an answer; they are counted since the command began.
+/// Returns what is said of an answer; answers are counted since the command began.
 fn answer_text(count: u64, of: &DrawSlot, took: Duration) -> String {
     let seconds = lasting(took.as_secs_f64());
     format!("answer {count}: {}/e{}s{} {} round {}, after {seconds}", of.lineage, of.epoch, of.slot, of.role, of.round)

@@ -37,10 +37,10 @@ const MARKS: [&str; 2] = ["run.json", "transcript.jsonl"];
 /// A store is one by this file, wherever it lies.
 const STORE: [&str; 3] = ["objects.pack", "index.sqlite", "lock"];
 
-/// What a file is to hold, by the ending of its name.
+/// Returns what a file is to hold, by the ending of its name.
 ///
 /// # Errors
-/// A name with another ending, or none: what would be written under it is not what it says.
+/// A name with another ending, or none: the file would not hold what its name says.
 pub fn by_ending<T: Copy, const N: usize>(option: &str, path: &Path, known: [(&str, T); N]) -> Result<T, Failure> {
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
     let found = known.iter().find(|(of, _)| ending.eq_ignore_ascii_case(of));
@@ -50,7 +50,7 @@ pub fn by_ending<T: Copy, const N: usize>(option: &str, path: &Path, known: [(&s
     })
 }
 
-/// Whether files that are there already may be replaced.
+/// Permission to replace files that are there already.
 #[derive(Clone, Copy, Debug, Args)]
 pub struct Output {
     /// Replace files that are there already; a run's own files never are.
@@ -62,7 +62,7 @@ impl Output {
     /// Writes a file, whole or not at all. One that is there already and the same stays.
     ///
     /// # Errors
-    /// What `may_be_made` refuses; a disk that does not do what it is asked.
+    /// A place that `may_be_made` refuses; a disk that does not do what it is asked.
     pub fn write(self, path: &Path, bytes: &[u8]) -> Result<(), Failure> {
         if !is_own(path) && same(path, bytes) {
             return Ok(());
@@ -71,7 +71,7 @@ impl Output {
         Ok(store::write_atomic(path, bytes)?)
     }
 
-    /// Whether a file may be written here.
+    /// Checks that a file may be written here.
     ///
     /// # Errors
     /// A run's own file, a link that leads nowhere, something that is no file, and without `--overwrite` a file.
@@ -98,13 +98,13 @@ impl Output {
     }
 }
 
-/// Whether a plain file with these bytes is there.
+/// Returns `true` if a plain file with these bytes is there.
 fn same(path: &Path, bytes: &[u8]) -> bool {
     store::is_plain_file(path).is_ok_and(|there| there)
         && store::read_bounded(path, bytes.len() as u64).is_ok_and(|there| there == bytes)
 }
 
-/// Whether the name belongs to a run or its store, by whatever way it is reached.
+/// Returns `true` if the name belongs to a run or its store, by whatever way it is reached.
 fn is_own(path: &Path) -> bool {
     let Some(name) = path.file_name() else { return false };
     let home = path.parent().filter(|home| !home.as_os_str().is_empty()).unwrap_or(Path::new("."));

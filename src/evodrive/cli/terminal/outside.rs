@@ -12,7 +12,7 @@ pub fn bounded(text: &str) -> Cow<'_, str> {
     cut(text, TEXT_BYTES_MAX)
 }
 
-/// Whether a terminal does something else with it than show it: controls, what turns the direction of writing, what is not seen.
+/// Returns `true` if a terminal does not just show it: controls, characters that turn the direction of writing, characters that are not seen.
 fn acts(c: char) -> bool {
     match c {
         '\n' | '\t' => false,

@@ -63,11 +63,11 @@ pub fn progress(news: &Progress) -> String {
 /// Most lineages whose fronts a summary prints.
 const FRONTS_MAX: usize = 12;
 
-/// What a summary is made from, beside the experiment.
+/// Inputs of a summary, beside the experiment.
 #[derive(Clone, Copy)]
 pub struct Summary<'a> {
     pub result: &'a RunResult,
-    /// Who answered which roles.
+    /// Text that says who answered which roles.
     pub from: &'a str,
     pub choices: &'a [Choice],
     /// Of the lineages whose held-out labels are recorded.
@@ -240,7 +240,7 @@ fn at_fault_words(all: &[LineagePreventable]) -> String {
     }
 }
 
-/// What the columns mean whose heads do not say it.
+/// Explains the columns whose heads do not say what they mean.
 fn column_words(safebench: bool, mean: RealismMean) -> String {
     let preventable = if safebench {
         ""

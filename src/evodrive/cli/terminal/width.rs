@@ -28,7 +28,7 @@ pub fn table_width() -> usize {
     stdout_width().unwrap_or(usize::MAX)
 }
 
-/// What stands in columns, and behind it words that say what it is: in one line where that fits, on a terminal else below it.
+/// Returns columns with words that explain them: in one line if that fits, otherwise on a terminal with the words below.
 pub fn with_words(columns: &str, words: &str, width: Option<usize>) -> String {
     let line = format!("{columns} {words}\n");
     match width {
@@ -62,8 +62,8 @@ fn wrapped_line(line: &str, width: usize) -> String {
     format!("{head}{}{end}", lines.join(&format!("\n{}", " ".repeat(begins))))
 }
 
-/// Where the part of a line begins that may be broken: behind its last wide gap, which parts columns, or behind its indent and
-/// the dash of a list.
+/// Returns where the part of a line begins that may be broken: behind its last wide gap, which parts columns, or behind
+/// its indent and the dash of a list.
 fn hang(line: &str) -> usize {
     let letters: Vec<char> = line.trim_end().chars().collect();
     if let Some(gap) = letters.windows(2).rposition(|pair| pair == [' ', ' ']) {
@@ -73,10 +73,10 @@ fn hang(line: &str) -> usize {
     if letters[indent..].starts_with(&['-', ' ']) { indent + 2 } else { indent }
 }
 
-/// Whether a line is made of words, and neither markup nor a command that somebody copies.
+/// Returns `true` if a line is made of words, and is neither markup nor a command that somebody copies.
 fn is_prose(line: &str) -> bool {
     let first = line.split_whitespace().next().unwrap_or_default();
-    // A dash and one blank begin a point of a list; a dash and anything else is a line that a diff takes out.
+    // A dash and one blank begin a point of a list; a dash and anything else is a line that a diff removes.
     let is_point = line.starts_with("- ") && !line.starts_with("-  ");
     let is_markup = ["|", "+", "-", "@@", "{", "["].iter().any(|mark| line.starts_with(*mark)) && !is_point;
     !is_markup && !first.ends_with("evodrive")

@@ -3,7 +3,7 @@
 use super::*;
 use serde_json::json;
 
-/// What a row of the table expects, in one word, and what the message or the reply holds.
+/// Expectation of a row of the table, in one word, and what the message or the reply holds.
 #[derive(Debug, Clone, Copy)]
 enum Is {
     Whole(&'static [u8]),

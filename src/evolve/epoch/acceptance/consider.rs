@@ -31,11 +31,11 @@ pub struct EpochVerdicts {
     pub labels: Vec<WorldLabel>,
     /// Parents, front and accepted children with their labels.
     pub standing: Standings,
-    /// Who leads from now on; `None` where that is who led before.
+    /// Programs that lead from now on; `None` where the leaders stay the same.
     pub leaders: Option<Leaders>,
-    /// What another method than the archive's own remembers.
+    /// Memory of a search method other than the archive's own.
     pub search: Option<SearchState>,
-    /// Under shuffled labels: whose labels each slot's candidate is judged by.
+    /// Under shuffled labels: the labels by which each slot's candidate is judged.
     pub swapped: Swapped,
 }
 
@@ -212,7 +212,7 @@ fn accept(
     Ok(Decision { promoted: false, on_front, gates, race: None })
 }
 
-/// What the gates say of a score beside the parent's and the front's on the same scenes.
+/// Asks the gates about a score beside the parent's and the front's on the same scenes.
 fn compared(
     study: &Study,
     judged: &EpochVerdicts,
@@ -231,7 +231,7 @@ fn compared(
     Ok(Box::new(archive::consider(&standing, &study.archive, &*measure)?))
 }
 
-/// What the world evaluator will learn from a labelled candidate: its labels on the window.
+/// Returns what the world evaluator will learn from a labelled candidate: its labels on the window.
 fn world_label(
     snapshot: &Snapshot<'_>,
     id: &AttemptId,

@@ -33,7 +33,7 @@ pub fn evolve(study: &Study, state: &mut State, epoch: u32, desk: &mut Desk<'_>)
     Ok(())
 }
 
-/// What becomes of the turn; `None` where the evidence does not suffice. It changes nothing.
+/// Returns the outcome of the turn; `None` where the evidence does not suffice. It changes nothing.
 fn turn(
     study: &Study,
     state: &State,

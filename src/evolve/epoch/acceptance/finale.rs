@@ -72,14 +72,14 @@ fn side_by_side(study: &Study, state: &State, desk: &Desk<'_>) -> Result<(), Run
     labels::ahead_of_all(&all, &desk.tools)
 }
 
-/// Who was chosen.
+/// The chosen program, and what the choice compared.
 struct Choice {
     active: SolutionId,
     reason: String,
     endpoint: Option<SolutionId>,
     /// The first three descendants by the same rule: the matched budget.
     top: Vec<SolutionId>,
-    /// Whom the rule chooses at further values of `realism_min`, and whether it reaches that.
+    /// Further values of `realism_min`, whether each is reached, and the program that the rule chooses there.
     at_realism: Vec<(f64, bool, SolutionId)>,
     /// Scores of parent and finalists on the scenes on which they were chosen.
     scores: BTreeMap<SolutionId, Score>,
@@ -216,15 +216,7 @@ fn choose(
     let filled_up = SelectorOptions { fills_up: true, ..study.selector.clone() };
     let endpoint = first_by_rule(descendants.clone(), 1, &filled_up).pop();
     let top = first_by_rule(descendants, FRONTIER_BUDGET, &study.selector);
-    Ok(Choice {
-        reason: active.reason(),
-        active: active.solution,
-        endpoint,
-        top,
-        at_realism,
-        scores,
-        cut,
-    })
+    Ok(Choice { reason: active.reason(), active: active.solution, endpoint, top, at_realism, scores, cut })
 }
 
 /// Makes labels of programs together that will be needed one by one.

@@ -15,7 +15,7 @@ use crate::evaluation::{Group, SafebenchOptions, group_name, group_points};
 use crate::kernel::num;
 use crate::objects::{FrontOf, FrontPer, Score, SolutionId};
 
-/// Whether each group of family and route has an archive of its own.
+/// Returns `true` if each group of family and route has an archive of its own.
 pub fn apart(study: &Study) -> bool {
     study.archive.front_per == FrontPer::Group
 }

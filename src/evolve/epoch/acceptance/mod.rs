@@ -1,4 +1,4 @@
-//! What happens behind the barrier: the serial acceptor, other search methods, and the end of a run.
+//! Steps behind the barrier: the serial acceptor, other search methods, and the end of a run.
 
 pub(super) mod consider;
 pub(super) mod evolve;

@@ -50,7 +50,7 @@ pub fn race(
     Ok(Race { shown: false, looks })
 }
 
-/// How many scenes each look takes: those so far, then twice as many, at last all.
+/// Returns how many scenes each look takes: those so far, then twice as many, at last all.
 fn stages(so_far: usize, all: usize) -> Vec<usize> {
     let doubled = std::iter::successors(Some(so_far.max(1)), |scenes| Some(2 * scenes));
     doubled.take_while(|scenes| *scenes < all).chain([all]).collect()

@@ -23,7 +23,7 @@ use crate::objects::{Counsel, LineageId, Program, SceneFailure, SceneScore, Scor
 use crate::scene::Scene;
 use crate::stage::scene_values;
 
-/// What stands between a scene's name and the number of its redraw (docs/OBJECTIVES.md).
+/// Text between a scene's name and the number of its redraw (docs/OBJECTIVES.md).
 const REDRAW: &str = "/redraw";
 
 /// A search whose programs are replaced by its parent.
@@ -39,7 +39,7 @@ pub struct Redraw<'a> {
     pub replaced: Vec<Replaced<'a>>,
     /// The archive's last round.
     pub rounds: u32,
-    /// How many descendants its frontier gain rests on.
+    /// Number of descendants that its frontier gain rests on.
     pub descendants: usize,
     /// How balanced selection chooses.
     pub selecting: Selecting,
@@ -56,9 +56,9 @@ pub struct Replaced<'a> {
     pub scenes: BTreeSet<&'a str>,
 }
 
-/// What became of a scene in a draw.
+/// Outcome of a scene in a draw.
 type Drawn = Result<(SceneScore, SafebenchRun), SceneFailure>;
-/// Place of a scene, all of a program that decides there -> the parent's draw in the place of programs that are alike in it.
+/// (Place of a scene, digest of all of a program that decides there) -> the parent's draw in the place of the programs that are alike in it.
 type Draws = BTreeMap<(usize, Digest), Drawn>;
 
 /// The parent's runs in the place of one program.

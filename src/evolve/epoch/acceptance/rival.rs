@@ -16,7 +16,7 @@ use crate::objects::{
     AcceptanceGates, Attempt, Candidate, Difference, MethodVerdict, Proposal, Round, RouteDecision, Score,
 };
 
-/// What a method remembers when a lineage begins.
+/// Returns the memory of a method when a lineage begins.
 pub fn begin(study: &Study, first: &Snapshot<'_>) -> Option<SearchState> {
     let parent = &first.parents[0];
     let (solution, objectives) = (&parent.program.solution_id, parent.score.objectives);
@@ -24,7 +24,7 @@ pub fn begin(study: &Study, first: &Snapshot<'_>) -> Option<SearchState> {
     SearchState::begin(study.rival()?, child, &mut stream(study, first.spec, 0, 0, "begin"))
 }
 
-/// What the method says of a labelled child; `None` under the archive's own gates.
+/// Returns the method's verdict on a labelled child; `None` under the archive's own gates.
 pub fn verdict(
     study: &Study,
     snapshot: &Snapshot<'_>,

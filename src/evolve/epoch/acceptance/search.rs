@@ -1,11 +1,11 @@
-//! Where another method than the archive's own searches (`[search]`): which programs its slots edit, which one leads, what a slot is asked for, and
-//! how many rollouts a lineage has used.
+//! Search by another method than the archive's own (`[search]`): the programs that its slots edit, the one that leads, what a slot is asked for,
+//! and the number of rollouts that a lineage has used.
 //!
-//! `archive/search` holds the method's two decisions, `archive/openevolve` OpenEvolve's database; this file and `rival.rs` put them in
-//! the epoch's places. The method's memory is part of the state and changes in `settle` alone. Whom it drew stands in the epoch's
-//! frozen event, what it said of a child in the attempt's decision, and its draws are named streams. Windows do not rotate then. A
-//! declared budget bounds a lineage's rollouts: candidates that it does not pay for are turned away behind the barrier, and a lineage
-//! that cannot pay for one more has no further epoch. `docs/ABLATIONS.md` describes the methods.
+//! `archive/search` holds the method's two decisions, `archive/openevolve` OpenEvolve's database; this file and `rival.rs` call them
+//! at the epoch's steps. The method's memory is part of the state and changes in `settle` alone. The epoch's frozen event names the
+//! parents that it drew, the attempt's decision holds what it said of a child, and its draws are named streams. Windows do not rotate
+//! under such a method. A declared budget bounds a lineage's rollouts: candidates that it does not pay for are turned away behind the
+//! barrier, and a lineage that cannot pay for one more has no further epoch. `docs/ABLATIONS.md` describes the methods.
 
 use std::collections::BTreeSet;
 
@@ -54,8 +54,8 @@ pub fn draw(study: &Study, spec: &LineageSpec, epoch: u32, search: &mut Option<S
     drawn.collect::<Option<Vec<SlotDraw>>>().unwrap_or_default()
 }
 
-/// Who leads after an epoch: under a method with one score the best of its accepted children, where it is better than who
-/// led. A population has no leader, and random patches lead nowhere.
+/// Returns the leader after an epoch: under a method with one score the best accepted child that acts, if it is better
+/// than the leader before. A population has no leader, and random patches change none.
 pub fn lead(rival: &SearchOptions, parents: &[Contender], accepted: &[Contender]) -> Option<Leaders> {
     if matches!(rival.method, Method::Random | Method::Nsga2 | Method::Pareto) {
         return None;
@@ -67,7 +67,7 @@ pub fn lead(rival: &SearchOptions, parents: &[Contender], accepted: &[Contender]
     Some(Leaders { active: best.solution.clone(), realism_anchor: None })
 }
 
-/// What a slot is asked for. Methods with one score ask for more of it; the others as the archive does.
+/// Returns what a slot is asked for. Methods with one score ask for more of it; the others ask as the archive does.
 pub fn target(study: &Study, aims: &Aims<'_>, epoch: u32, slot: u32) -> Target {
     let slots = study.budget.slots;
     let Objectives { attack, .. } = aims.parent.objectives;
@@ -102,7 +102,7 @@ pub fn spent(study: &Study, state: &State, spec: &LineageSpec, standing: &Standi
     spent
 }
 
-/// Whether a lineage cannot pay for one more candidate.
+/// Returns `true` if a lineage cannot pay for one more candidate.
 pub fn is_over(study: &Study, state: &State, spec: &LineageSpec) -> bool {
     let Some(budget) = study.search.as_ref().and_then(|search| search.rollouts) else { return false };
     let spent = state.spent.get(&spec.id).map_or(0, BTreeSet::len);

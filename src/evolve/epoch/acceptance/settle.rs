@@ -112,7 +112,7 @@ pub fn settle(
     Ok(settled)
 }
 
-/// What memory keeps of the epoch: cards of each attempt, then of the lineage and its way.
+/// Returns the cards that memory keeps of the epoch: those of each attempt, then those of the lineage and its course.
 fn cards(
     study: &Study,
     snapshot: &Snapshot<'_>,

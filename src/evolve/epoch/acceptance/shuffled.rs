@@ -10,7 +10,7 @@ use crate::epoch::setting::study::Study;
 use crate::epoch::slots::draft::{Draft, Reached};
 use crate::objects::{Score, SolutionId};
 
-/// Whose labels on the window stand in for whose, by slot.
+/// Program and labels on the window that stand in for a slot's own, by slot.
 pub type Swapped = BTreeMap<u32, (SolutionId, Score)>;
 
 /// Draws whose labels each labelled candidate of an epoch is judged by: another candidate's, where there is another one, else its

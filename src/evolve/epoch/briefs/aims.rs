@@ -1,5 +1,5 @@
-//! Where a slot of a detailed question looks first: what the parent's scenes speak for and the family can follow, with the numbers that
-//! speak for it.
+//! Places where a slot of a detailed question looks first: those that the parent's scenes suggest and the family can follow, with the
+//! numbers that suggest them.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use crate::adapters::Contract;
 use crate::agents::{Cluster, ParentOutcome, SceneRow, TargetKind};
 use crate::objects::Slot;
 
-/// What there must be, so that an instruction can be followed.
+/// Condition that must hold so that an instruction can be followed.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Needs {
     Nothing,
@@ -17,7 +17,7 @@ pub enum Needs {
     InheritedEdits,
 }
 
-/// What the window showed of a parent, and what its family can edit.
+/// Findings on a parent from the window, and what its family can edit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Seen {
     /// Scenes with a label.
@@ -29,9 +29,9 @@ pub struct Seen {
     spared: Option<(String, usize)>,
     /// The diagnostic with the lowest mean, and how many scenes fall below half of it.
     weakest: Option<(String, f64, usize)>,
-    /// What the family offers.
+    /// Parts that the family offers.
     can: Can,
-    /// Whether questions tell what the ego sees.
+    /// True if questions tell what the ego sees.
     sight: bool,
 }
 
@@ -50,7 +50,7 @@ struct Can {
 const UNCOUNTED: [&str; 5] = ["anyway", "unmoved", "bystander", "unavoidable", "not_counted"];
 
 impl Seen {
-    /// From all rows of a window. `sight`: whether questions tell what the ego sees, and may speak of it.
+    /// Collects it from all rows of a window. `sight`: true if questions tell what the ego sees, and may speak of it.
     pub fn of(
         rows: &[SceneRow],
         clusters: &[Cluster],

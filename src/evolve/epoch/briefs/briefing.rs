@@ -1,4 +1,4 @@
-//! What the snapshot tells the agents: scene clusters, the parent's labels, the front.
+//! Parts of the snapshot that the agents are told: scene clusters, the parent's labels, the front.
 
 use std::collections::BTreeMap;
 

@@ -83,7 +83,7 @@ fn unfit(spec: &LineageSpec, error: &dyn std::fmt::Display) -> RunError {
     RunError::Study(format!("lineage {}: its parent: {error}", spec.id))
 }
 
-/// Where proposals are carried out: the parent without a search of its own, against the lineage's ego.
+/// A rehearsal of proposals: the parent without a search of its own carries them out against the lineage's ego.
 struct Rehearsal<'a> {
     study: &'a Study,
     spec: &'a LineageSpec,
@@ -185,7 +185,7 @@ impl Rehearsal<'_> {
         Ok((self.asks.trial)(situation, &record.outcome, &mut way))
     }
 
-    /// What the leader was to drive: the scene step of the first sample, and the samples.
+    /// Returns what the leader was commanded to drive: the scene step of the first sample, and the samples.
     fn way(&self, situation: &Situation, counsel: &Counsel) -> Option<(usize, Vec<Sample>)> {
         let leader = counsel.attackers.first()?;
         let compile = || self.prepared.compile_counselled(situation, self.study.seed, Some(counsel));

@@ -13,7 +13,7 @@ use crate::objects::{Counsel, Counselled, LineageId};
 pub struct Counsels(BTreeMap<LineageId, BTreeMap<String, Counsel>>);
 
 impl Counsels {
-    /// What a recorded run was counselled.
+    /// Returns the counsel of a recorded run.
     pub fn recorded(events: &[Counselled]) -> Counsels {
         let mut counsels = Counsels::default();
         events.iter().for_each(|event| counsels.keep(event));

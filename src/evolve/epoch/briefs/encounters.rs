@@ -1,5 +1,5 @@
-//! What detailed questions say of scenes: those of the window that say most, each with what led to its outcome. The motion is
-//! simulated once more, by our own simulator alone; of another one's rollouts the record says what it can.
+//! Scenes in detailed questions: those of the window that say most, each with what led to its outcome. Our own simulator
+//! plays their motion once more; another simulator plays nothing again, and the record of its rollout says what it can.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -62,7 +62,7 @@ pub fn near_misses(score: &Score, rollouts: &dyn RolloutCache) -> Result<BTreeSe
     Ok(near)
 }
 
-/// What led to the outcome of the scene at a place.
+/// Describes what led to the outcome of the scene at a place.
 fn encounter<'l>(
     labelling: &'l Labelling<'l>,
     program: &'l Lazy<'l>,
@@ -160,7 +160,7 @@ fn moment(record: &RolloutRecord, relived: &Relived) -> Option<Moment> {
     })
 }
 
-/// Who ran into whom, and since when the ego could see it coming.
+/// Says who ran into whom, and since when the ego could see it coming.
 fn struck(record: &RolloutRecord) -> Vec<Remark> {
     let Some(contact) = record.outcome.contact else { return Vec::new() };
     let who = match contact.striker {

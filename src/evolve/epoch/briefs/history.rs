@@ -1,5 +1,5 @@
-//! What past edits did: the change of each simulated child against its parent on the same scenes, and which of them the
-//! prompts of an epoch show.
+//! Effects of past edits: the change of each simulated child against its parent on the same scenes, and the choice of
+//! those that the prompts of an epoch show.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,14 +11,14 @@ use crate::epoch::state::State;
 use crate::kernel::num;
 use crate::objects::{Attempt, AttemptId, Card, Exit, LineageId, SceneScore, Score};
 
-/// How many of a lineage's latest attempts are shown, whatever became of them.
+/// Number of a lineage's latest attempts that are shown, whatever became of them.
 const RECENT_ATTEMPTS: usize = 3;
-/// Most problems of a refused patch, and characters of each.
+/// Most problems of a refused patch that are shown, and most characters of each.
 const PROBLEMS: usize = 2;
 const PROBLEM_CHARS: usize = 160;
 
-/// What a simulated attempt did; `None` where there are no labels. `parent` is its parent's score on its window. Clusters are those of
-/// `conflicts`, where there are any.
+/// Returns what a simulated attempt changed; `None` where there are no labels. `parent` is its parent's score on its window. Clusters
+/// are those of `conflicts`, where there are any.
 pub fn change(
     (study, conflicts): (&Study, &BTreeMap<String, &'static str>),
     attempt: &Attempt,
@@ -96,7 +96,7 @@ pub fn shown(state: &State, lineage: &LineageId, archive: &Archive, memory: &[Ca
     edits.map(|attempt| edit(attempt, on_front.contains(&attempt.id), state.changes.get(&attempt.id))).collect()
 }
 
-/// What became of the attempts of a lineage that its history does not show, in a sentence; empty where it shows all.
+/// Says in a sentence what became of the attempts of a lineage that its history does not show; empty where it shows all.
 pub fn not_shown(state: &State, lineage: &LineageId, shown: &[PastEdit]) -> String {
     let seen: BTreeSet<&AttemptId> = shown.iter().map(|edit| &edit.attempt).collect();
     let left_out = state.attempts.iter().filter(|attempt| attempt.lineage == *lineage && !seen.contains(&attempt.id));
@@ -117,7 +117,7 @@ pub fn not_shown(state: &State, lineage: &LineageId, shown: &[PastEdit]) -> Stri
     if total == 0 { String::new() } else { format!("Not shown are {total} earlier attempts: {all}.") }
 }
 
-/// What the acceptance compared, where it turned a child down; its comparison with the parent is the change.
+/// Adds what the acceptance compared, where it turned a child down; the comparison with the parent is the change itself.
 pub fn with_verdicts(state: &State, shown: &mut [PastEdit], numbers: Numbers) {
     for edit in shown {
         let attempt = state.attempts.iter().find(|attempt| attempt.id == edit.attempt);

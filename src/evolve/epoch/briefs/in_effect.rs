@@ -8,14 +8,14 @@ use crate::kernel::{Digest, canon::CanonError};
 use crate::objects::Program;
 use crate::stage::scene_values;
 
-/// A program in one scene.
+/// Parts of a program that have an effect in one scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct InScene {
-    /// Of all of it that decides there: two programs that are alike here compile to the same, bit for bit, and have one label.
+    /// Digest of all that decides there: two programs that are alike here compile to the same, bit for bit, and have one label.
     pub digest: Digest,
     /// Places of the rules that hold.
     pub rules: Vec<usize>,
-    /// Whether its select gate opens the scene.
+    /// True if its select gate opens the scene.
     pub opens: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What the agents are told and asked: the snapshot in words, a slot's target, counsel and templates.
+//! Briefs that tell and ask the agents: the snapshot in words, a slot's target, counsel and templates.
 
 pub(super) mod aims;
 pub(super) mod briefing;

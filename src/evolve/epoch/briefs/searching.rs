@@ -1,4 +1,4 @@
-//! What holds around every search and what the ego heeds, in words for prompts; what a family's own search compares its source says.
+//! Words for prompts on what holds around every search and what the ego heeds; a family's source says what its own search compares.
 //! Whoever changes an ego changes its text here.
 
 /// Of the observation `metadrive-1`.
@@ -9,8 +9,8 @@ const METADRIVE_LEARNED: &str = "learned is a network with frozen weights that c
      edge on 12 rays (30 m), its route 20 m ahead, a red light (50 m), and the body ahead that idm would see (20 m). \
      Nobody's intention is known, and what it makes of all this its weights decide.";
 
-/// What holds around the search of every family of a protocol: what predictions are of, what filters and choices do.
-/// `safebench`: whether the contract's backend is that one; `compact`: without what words and contract say.
+/// Describes what holds around the search of every family of a protocol: what predictions are of, what filters and choices
+/// do. `safebench`: true if the contract's backend is that one; `compact`: leaves out what words and contract say.
 pub fn around_search_in_words(safebench: bool, compact: bool) -> &'static str {
     if compact && !safebench {
         "What expressions say of a candidate against the ego is predicted against the one path that it drove on the \
@@ -39,7 +39,7 @@ pub fn around_search_in_words(safebench: bool, compact: bool) -> &'static str {
     }
 }
 
-/// What an ego heeds, by the name that `ego::Policy::name` gives it; of learned ones [`learned_in_words`] tells.
+/// Describes what an ego heeds, by the name that `ego::Policy::name` gives it; [`learned_in_words`] describes learned ones.
 pub fn ego_in_words(name: &str) -> &'static str {
     match name {
         "idm" => {
@@ -98,7 +98,7 @@ pub fn ego_in_words(name: &str) -> &'static str {
     }
 }
 
-/// What a learned ego sees and can do, by the name of its observation (`ego::Setting::name`).
+/// Describes what a learned ego sees and can do, by the name of its observation (`ego::Setting::name`).
 pub fn learned_in_words(observation: &str) -> &'static str {
     match observation {
         "metadrive-1" => METADRIVE_LEARNED,

@@ -1,18 +1,18 @@
-//! What a slot is asked for: attack, realism and the front take turns, in words that fit the parent, each time with another
-//! place to look at first.
+//! Targets of slots: attack, realism and the front take turns, in words that fit the parent, each time with another place
+//! to look at first.
 
 use super::aims::{Needs, Seen};
 use crate::agents::{ParentOutcome, Target, TargetKind};
 use crate::objects::Objectives;
 
-/// What targets are made of.
+/// Inputs of a target.
 #[derive(Clone, Copy)]
 pub struct Aims<'a> {
     /// The parent's labels on the window.
     pub parent: &'a ParentOutcome,
-    /// What the window showed of it, where questions are detailed: then the instruction follows that.
+    /// Findings on the parent from the window, where questions are detailed: the instruction follows them.
     pub seen: Option<&'a Seen>,
-    /// Whether the parent is the child of an accepted patch.
+    /// True if the parent is the child of an accepted patch.
     pub inherits: bool,
     /// The front, as measured on all scenes so far.
     pub front: &'a [Objectives],

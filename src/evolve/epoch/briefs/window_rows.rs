@@ -57,7 +57,7 @@ fn row(
     })
 }
 
-/// Whether an attack nearly came about: an adversary that acts came very near, or was about to.
+/// Returns `true` if an attack nearly came about: an adversary that acts came very near, or was about to.
 pub fn near_miss(scene: &SceneScore, record: &RolloutRecord) -> bool {
     let within = |value: Option<f64>, least: f64| value.is_some_and(|value| value < least);
     let outcome = &record.outcome;
@@ -74,7 +74,7 @@ fn named(entry: &SceneEntry, actor: ActorRef) -> String {
     }
 }
 
-/// What became of the scene, in the words that the prompt explains.
+/// Returns the outcome of the scene, in the words that the prompt explains.
 fn outcome(scene: &SceneScore, record: &RolloutRecord) -> &'static str {
     let outcome = &record.outcome;
     let Some(contact) = outcome.contact else {
@@ -104,7 +104,7 @@ fn outcome(scene: &SceneScore, record: &RolloutRecord) -> &'static str {
     }
 }
 
-/// What came of it against each of several drivers, and why the program did not act, or which filters refused every candidate.
+/// Returns the attack against each of several drivers, and why the program did not act or which filters refused every candidate.
 fn note(scene: &SceneScore, decision: &Decision) -> String {
     let each = scene.by_ego.iter().map(|(ego, label)| format!("{ego} {:.2}", label.attack)).collect::<Vec<_>>();
     if each.is_empty() {

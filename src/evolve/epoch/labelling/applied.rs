@@ -20,7 +20,7 @@ use crate::objects::{Counsel, Program, Score, benchmark::SafebenchRun};
 use crate::sim::{Intervention, SimulatorOptions};
 use crate::stage::Source;
 
-/// Under which conditions programs of one family are played.
+/// Conditions under which programs of one family are played.
 #[derive(Clone, Copy)]
 pub struct Applied<'a> {
     /// Their family.
@@ -28,14 +28,14 @@ pub struct Applied<'a> {
     pub ego: &'a Policy,
     pub seed: Seed,
     pub simulator: &'a SimulatorOptions,
-    /// Who simulates: our own simulator, with a planner where the ego is one.
+    /// Simulator of the rollouts: our own, with a planner where the ego is one.
     pub backend: Backend<'a>,
     pub evaluation: &'a EvaluationOptions,
     /// Scene digest -> who is advised to attack there. In other scenes a program stands alone.
     pub counsels: &'a BTreeMap<Digest, Counsel>,
 }
 
-/// What a program did in some scenes.
+/// Labels of a program in some scenes.
 #[derive(Clone, Debug)]
 pub struct Labelled {
     pub score: Score,
@@ -84,8 +84,8 @@ impl Applied<'_> {
         Ok(prepared.iter().enumerate().map(of).collect())
     }
 
-    /// What each program makes others do in each scene, in the order of the scenes, and within a scene of the programs; or why it
-    /// cannot be said. Nothing is simulated for it but what the family itself plans by.
+    /// Compiles what each program makes others do in each scene, in the order of the scenes, and within a scene of the programs;
+    /// the inner error says why it cannot be done. Simulates nothing but what the family itself plans by.
     ///
     /// # Errors
     /// A program that its family's contract does not allow.
@@ -183,7 +183,7 @@ impl Applied<'_> {
     }
 }
 
-/// What a planner that is not blind is told of a program that stands in no run.
+/// Returns what a planner that is not blind is told of a program that stands in no run.
 fn under(program: &Program, prepared: &Prepared<'_>) -> ProgramContext {
     ProgramContext::program(prepared.hash(), program.is_parent())
 }

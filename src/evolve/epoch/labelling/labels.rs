@@ -24,10 +24,10 @@ use crate::sim::{ActorRef, Intervention, Outcome, Plant};
 use crate::stage::Situation;
 use crate::store::MemoKind;
 
-/// Scenes on which every child is tried, as far as there are probe scenes.
+/// Number of scenes on which every child is tried, or of all probe scenes where these are fewer.
 const TRIED_MIN: usize = 3;
 
-/// What labels of one lineage's programs rest on.
+/// Everything that labels of one lineage's programs rest on.
 #[derive(Clone, Copy)]
 pub struct Labelling<'a> {
     pub study: &'a Study,
@@ -69,8 +69,8 @@ impl Labelling<'_> {
         Ok(evaluate(&asked.subject, &asked.scenes, &label, &study.evaluation, tools.rollouts, tools.threads)?)
     }
 
-    /// What our own simulator would label a program with on the scenes at these places, where another one makes the labels. It plays the
-    /// commands that this one will get. `None` where no scene can be labelled.
+    /// Labels a program in our own simulator on the scenes at these places, where another simulator makes the labels. Plays the commands
+    /// that the other one will get. `None` where no scene can be labelled.
     pub fn predicted(&self, subject: (&Program, Digest), places: &[usize]) -> Result<Option<Score>, RunError> {
         let Labelling { study, tools, .. } = *self;
         tools.go_on()?;
@@ -192,11 +192,11 @@ impl Labelling<'_> {
         Ok(Standing { window: self.score(subject, window)?, so_far: self.score(subject, so_far)? })
     }
 
-    /// What comes of compiling a child on probe scenes: what cannot be lowered, and in how many scenes its interventions
-    /// differ from its parent's. Both draw the same numbers, so that only the edit can make a difference.
-    /// Once a difference is found and [`TRIED_MIN`] scenes were tried, no more is asked: most of the probe scenes are for
-    /// children that seem to do what their parent does. What was tried before is not tried again. Several drivers take turns over the
-    /// probe scenes, so that an edit that makes a difference before one of them is seen.
+    /// Compiles a child on probe scenes and returns what cannot be lowered, and in how many scenes its interventions differ from its
+    /// parent's. Both draw the same numbers, so that only the edit can make a difference. Stops once a difference is found and
+    /// [`TRIED_MIN`] scenes were tried: most of the probe scenes are for children that seem to do what their parent does. A trial on
+    /// record is not made again. Several drivers take turns over the probe scenes, so that an edit that makes a difference against
+    /// one of them alone is seen.
     pub fn trials(
         &self,
         probes: &[usize],
@@ -332,8 +332,8 @@ impl Labelling<'_> {
         Ok(Arc::new(trial))
     }
 
-    /// What a program comes to in a scene, or why it cannot be lowered. A program that decides there as one before it is not
-    /// compiled again: a child is tried and labelled in the same scenes, and an edit changes few scenes where a rule guards it.
+    /// Compiles a program in a scene; the inner error says why it cannot be lowered. Programs that are alike in all that decides there
+    /// are compiled once: a child is tried and labelled in the same scenes, and an edit changes few scenes where a rule guards it.
     pub fn compiled(
         &self,
         prepared: &Prepared<'_>,
@@ -492,7 +492,7 @@ pub fn undisturbed(study: &Study, spec: &LineageSpec, place: usize, tools: &Tool
     tools.backend.rollout(&plant, &Intervention::default(), &spec.ego, (study.seed, ProgramContext::Plain))
 }
 
-/// What names that rollout in a plan. The recorded answer has a key of its own.
+/// Returns the key of that rollout in a plan. The recorded answer has a key of its own.
 pub fn undisturbed_key(study: &Study, spec: &LineageSpec, place: usize) -> Result<Digest, RunError> {
     let of = (study.scenes[place].digest, spec.ego.digest(), study.rules()?, study.seed);
     Ok(Digest::of("evodrive/undisturbed/1", &of)?)

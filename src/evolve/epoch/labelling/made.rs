@@ -11,13 +11,13 @@ use crate::stage::{Situation, Source};
 /// A compiled program, and what a trial tells of it. Trials of many children ask for the same one.
 #[derive(Debug)]
 pub struct Made {
-    /// What was compiled.
+    /// Result of the compiler.
     pub compiled: Compiled,
     probed: OnceLock<(Digest, Probe)>,
 }
 
 impl Made {
-    /// Nothing is told of it yet.
+    /// Wraps a compiled program of which no trial has told anything yet.
     pub fn of(compiled: Compiled) -> Made {
         Made { compiled, probed: OnceLock::new() }
     }

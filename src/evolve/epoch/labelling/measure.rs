@@ -1,5 +1,5 @@
-//! What a set of labels amounts to under the study's protocol, for the archive's gates: so they compare the same quantities
-//! that are reported as objectives, in SafeBench's protocol scores of groups and no means of single runs.
+//! Objectives of a set of labels under the study's protocol, for the archive's gates. So the gates compare the same
+//! quantities that are reported as objectives: in SafeBench's protocol scores of groups and no means of single runs.
 
 use std::collections::BTreeMap;
 
@@ -63,7 +63,7 @@ pub fn staged_runs(
     score.scenes.iter().filter_map(run).collect()
 }
 
-/// What became of the held-out scenes that a score is of, in its study's order; nothing outside SafeBench's protocol.
+/// Returns the outcomes of the held-out scenes that a score is of, in its study's order; empty outside SafeBench's protocol.
 pub fn held_out_runs(study: &Study, score: &Score, tools: &Tools<'_>) -> Result<Vec<HeldOutRun>, RunError> {
     let Some(options) = study.evaluation.safebench() else { return Ok(Vec::new()) };
     let groups = groups(study, &study.held_out);

@@ -28,13 +28,13 @@ pub struct Traced {
     pub record: RolloutRecord,
     pub decision: Decision,
     pub intervention: Intervention,
-    /// What each action commands its road user at every simulated step, whatever the ego does; nothing where it reacts.
+    /// Sample that each action commands its road user at every simulated step, whatever the ego does; `None` where it reacts.
     pub commanded: Vec<Vec<Option<Sample>>>,
     pub motion: Trace,
 }
 
 impl<'s> Player<'s> {
-    /// With the counsel that the run recorded.
+    /// Plays with the counsel that the run recorded.
     pub fn of(study: &'s Study, counselled: &[Counselled], backend: Backend<'s>) -> Player<'s> {
         Player { study, backend, counsels: Counsels::recorded(counselled), situations: Situations::of(study) }
     }
@@ -46,7 +46,7 @@ impl<'s> Player<'s> {
         })
     }
 
-    /// What led to the contact of that rollout, where it has one.
+    /// Returns what led to the contact of that rollout, where it has one.
     ///
     /// # Errors
     /// The reason why there is no rollout.

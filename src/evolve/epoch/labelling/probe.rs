@@ -1,4 +1,4 @@
-//! What a compiled intervention looks like without a rollout: the adversaries' motion beside the ego's undisturbed one.
+//! Probe of a compiled intervention without a rollout: the adversaries' motion beside the ego's undisturbed one.
 
 use crate::kernel::OrientedBox;
 use crate::objects::Probe;
@@ -38,7 +38,7 @@ pub fn probe(situation: &Situation, intervention: &Intervention) -> Probe {
     probe
 }
 
-/// What an action commands; `None` for a script, which waits for the ego.
+/// Returns the motion that an action commands; `None` for a script, which waits for the ego.
 fn motion<'a>(situation: &'a Situation, action: &'a Action) -> Option<Motion<'a>> {
     match action {
         Action::Follow { track, from_step, samples }

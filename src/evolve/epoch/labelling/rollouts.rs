@@ -10,7 +10,7 @@ use crate::kernel::{Digest, LruCache, canon::CanonError};
 use crate::objects::Probe;
 use crate::store::{MemoKind, Store, StoreError, first_difference};
 
-/// Where labels come from.
+/// Source of labels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// A rollout whose record is at hand is not simulated again.
@@ -19,7 +19,7 @@ pub enum Mode {
     Verify,
 }
 
-/// What the compile gate's trial of one program on one scene left behind.
+/// Record of the compile gate's trial of one program on one scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrialRecord {
@@ -27,11 +27,11 @@ pub struct TrialRecord {
     pub scene: String,
     pub scene_digest: Digest,
     pub ego: String,
-    /// What the compiler could not lower; `None` where it compiles.
+    /// Part that the compiler could not lower; `None` where it compiles.
     pub failure: Option<String>,
     /// Digest of the compiled intervention; `None` where there is none.
     pub intervention: Option<Digest>,
-    /// What it looks like without a rollout.
+    /// Probe of the intervention, which needs no rollout.
     pub probe: Option<Probe>,
 }
 
@@ -57,7 +57,7 @@ const RECORDS_MAX: usize = 16_384;
 /// Most trial records.
 const TRIALS_MAX: usize = 16_384;
 
-/// What this run met so far.
+/// Records that this run met so far.
 #[derive(Default)]
 struct Seen {
     records: Met,
@@ -131,13 +131,13 @@ impl<'a> Rollouts<'a> {
         self.seen().records.len()
     }
 
-    /// How many of them were read from the store, and how many simulated.
+    /// Returns how many of them were read from the store, and how many were simulated.
     pub fn counts(&self) -> (usize, usize) {
         let seen = self.seen();
         (seen.reused, seen.simulated)
     }
 
-    /// Whether a request has a record in the store. It is not read.
+    /// Returns `true` if a request has a record in the store. The record is not read.
     pub fn has(&self, kind: MemoKind, key: &Digest) -> bool {
         self.store.memo_get(kind, key).is_some()
     }

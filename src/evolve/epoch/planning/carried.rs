@@ -1,7 +1,7 @@
-//! Answers that a lineage takes with it on its way. In the epochs that the run has come to, a question is answered by its key alone.
-//! Further on prompts may show cards of other lineages that are not written yet: there what was recorded at the question's place in
-//! the run stands for the answer, as far as anything was. What follows from it is kept by keys, so a wrong guess costs time and
-//! changes nothing.
+//! Recorded answers that travel with a lineage's work. In the epochs that the run has reached, a question is answered by its key
+//! alone. Later prompts may show cards of other lineages that are not written yet: there the answer that was recorded at the
+//! question's place in the run, if any, stands for the answer. Results are kept by keys, so a wrong guess costs time and changes
+//! nothing.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,7 +24,7 @@ pub struct RecordedAnswer {
     pub reply: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reply_hex: Option<String>,
-    /// What its model said about it, where a worker asked.
+    /// Metadata that its model gave with it, where a worker asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub metadata: Option<Metadata>,
 }
@@ -47,8 +47,8 @@ impl RecordedAnswer {
         }
     }
 
-    /// Those of a lineage from an epoch on. Of one place those come first that were asked first: a question that is asked once more repeats
-    /// the first one, and goes on behind it.
+    /// Returns the answers of a lineage from an epoch on. Those of one place are in the order in which they were asked: a question that is
+    /// asked once more repeats the first one, and goes on behind it.
     pub fn of_lineage(recorded: &Cassette, lineage: &LineageId, epoch: u32) -> Vec<RecordedAnswer> {
         let of = |exchange: &&Recorded| exchange.slot.lineage == lineage.as_str() && exchange.slot.epoch >= epoch;
         let length = |of: &&Recorded| of.messages.iter().map(|(_, text)| text.len()).sum::<usize>();
@@ -58,11 +58,11 @@ impl RecordedAnswer {
     }
 }
 
-/// Who answers on a lineage's way.
+/// Answers to the questions that come up in a lineage's work.
 pub struct CarriedAnswers<'a> {
     by_key: BTreeMap<Digest, &'a RecordedAnswer>,
     by_place: BTreeMap<&'a DrawSlot, Vec<&'a RecordedAnswer>>,
-    /// Models that can be asked here for what no answer was recorded of.
+    /// Models that can be asked here where no answer was recorded.
     models: Option<&'a dyn Ask>,
     guesses: AtomicBool,
     met: Mutex<Met>,
@@ -70,9 +70,9 @@ pub struct CarriedAnswers<'a> {
 
 #[derive(Default)]
 struct Met {
-    /// How many questions of a place were answered by it: a critic may be asked once more.
+    /// Number of questions that each place has answered: a critic may be asked once more.
     at: BTreeMap<DrawSlot, usize>,
-    /// What the models were asked here.
+    /// Answers of models that were asked here.
     asked: BTreeMap<Digest, RecordedAnswer>,
 }
 
@@ -84,27 +84,27 @@ impl<'a> CarriedAnswers<'a> {
         CarriedAnswers { by_key, by_place, models, guesses: AtomicBool::new(false), met: Mutex::default() }
     }
 
-    /// Whether models can be asked here.
+    /// Returns `true` if models can be asked here.
     pub fn asks(&self) -> bool {
         self.models.is_some()
     }
 
-    /// Whether anything was recorded of an epoch.
+    /// Returns `true` if any answer of an epoch was recorded.
     pub fn knows(&self, epoch: u32) -> bool {
         self.by_place.keys().any(|slot| slot.epoch == epoch)
     }
 
-    /// From now on what was recorded at a question's place stands for its answer.
+    /// Switches to guesses: from now on the answer that was recorded at a question's place stands for its answer.
     pub(in crate::epoch) fn guess(&self) {
         self.guesses.store(true, Ordering::Relaxed);
     }
 
-    /// What the models said here, by the keys of its questions.
+    /// Returns the models' answers from here, by the keys of their questions.
     pub fn asked(self) -> Vec<RecordedAnswer> {
         self.met.into_inner().unwrap_or_else(PoisonError::into_inner).asked.into_values().collect()
     }
 
-    /// What was recorded at this place, question by question.
+    /// Returns the next answer that was recorded at this place, question by question.
     fn at_place(&self, slot: &DrawSlot) -> Option<&RecordedAnswer> {
         let recorded = self.by_place.get(slot)?;
         let mut met = self.met.lock().unwrap_or_else(PoisonError::into_inner);
@@ -133,7 +133,7 @@ impl Ask for CarriedAnswers<'_> {
         let unkeyed = |error| AskError::Store(format!("a question has no key: {error}"));
         let key = request.key().map_err(unkeyed)?;
         let known = self.by_key.get(&key).copied();
-        // A question with its own answer takes its turn at its place, too.
+        // A question with an answer of its own also takes its turn at its place.
         let placed = if self.guesses.load(Ordering::Relaxed) { self.at_place(&request.slot) } else { None };
         let bytes = match (known.or(placed).and_then(RecordedAnswer::bytes), self.models) {
             (Some(bytes), _) => bytes,

@@ -1,4 +1,4 @@
-//! Lists the work that a run still lacks, as far as it is known now: goes through the run from its records up to the first thing that it
+//! Lists the work that a run still lacks and that can be known now: goes through the run from its records up to the first thing that it
 //! would have to compute, and then looks at recorded answers for the work after that.
 
 use std::collections::BTreeSet;

@@ -69,7 +69,7 @@ fn last_patch(talk: &Talk<'_>, study: &Study) -> Option<ProgramPatch> {
     let approves = |critic: Role| {
         let answers = of(critic, last);
         let review = answers.iter().find_map(|answer| reply::review(&opened(critic, answer), critic).ok());
-        // Who was asked and gave no readable review abstains.
+        // A critic that was asked and gave no readable review abstains.
         !answers.is_empty() && review.is_none_or(|review| review.decision == Advice::Approve)
     };
     study.critics().iter().all(|critic| approves(*critic)).then_some(patch)

@@ -8,19 +8,19 @@ use crate::kernel::Digest;
 use crate::objects::LineageId;
 use crate::store::MemoKind;
 
-/// A lineage's way from where its records end. Whoever has the study can go it alone.
+/// The work of a lineage from where its records end. Whoever has the study can do it alone.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LineageJob {
     pub lineage: LineageId,
     /// The epoch that comes next; that behind the last one is the end of the run.
     pub epoch: u32,
-    /// What the lineage's epochs can read of the state that the run has come to; `None` where it has not begun.
+    /// Part of the run's present state that the lineage's epochs can read; `None` where the lineage has not begun.
     pub(in crate::epoch) state: Option<Box<State>>,
 }
 
 impl LineageJob {
-    /// What people call it.
+    /// Returns its name for people.
     pub fn name(&self) -> String {
         match self.state {
             None => format!("{} from its parent", self.lineage),
@@ -29,7 +29,7 @@ impl LineageJob {
     }
 }
 
-/// A record that a lineage's way begins with.
+/// A record that a lineage's work begins with.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WalkRecord {

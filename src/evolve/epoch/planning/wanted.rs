@@ -58,7 +58,7 @@ impl Task {
         }
     }
 
-    /// Under which kind of memo the store keeps its record; `None` for what has no record of its own.
+    /// Returns the kind of memo under which the store keeps its record; `None` for what has no record of its own.
     pub fn memo(&self) -> Option<MemoKind> {
         match self {
             Task::Label { .. } => Some(MemoKind::Rollout),
@@ -86,18 +86,18 @@ impl Task {
 /// Missing work, by the key of its record.
 #[derive(Default)]
 pub struct Wanted {
-    /// Whether work is asked for again that was done and gave no label.
+    /// True if work that was done and gave no label is asked for again.
     again: bool,
     whole: Option<Whole>,
     gathered: Mutex<Gathered>,
 }
 
-/// A plan of whole lineages: where one wants a record, all that follows in it is one piece of work.
+/// A plan of whole lineages: where a lineage misses a record, all that follows in it is one piece of work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Whole {
-    /// Whether the plan makes the compile gate's trials itself: where models are asked by the plan, their answers go on from those.
+    /// True if the plan makes the compile gate's trials itself: where the plan asks models, their answers go on from those.
     pub tries: bool,
-    /// Whether workers ask the models: an answer that is missing is theirs to get, like a record.
+    /// True if workers ask the models: they get a missing answer themselves, like a record.
     pub asked_elsewhere: bool,
 }
 
@@ -109,12 +109,12 @@ struct Gathered {
 }
 
 impl Wanted {
-    /// Nothing yet. `again` asks also for what was tried and gave no label.
+    /// Creates an empty list. `again` also asks for what was tried and gave no label.
     pub fn new(again: bool) -> Wanted {
         Wanted { again, whole: None, gathered: Mutex::default() }
     }
 
-    /// The same for a plan of whole lineages.
+    /// The same list for a plan of whole lineages.
     pub fn by_lineage(self, whole: Whole) -> Wanted {
         Wanted { whole: Some(whole), ..self }
     }

@@ -14,7 +14,7 @@ use crate::evaluation::{EvaluationError, RolloutCache};
 use crate::kernel::Digest;
 use crate::objects::Program;
 
-/// What came of a task.
+/// Result of a task.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Done {
     /// The store has a record under the task's key.

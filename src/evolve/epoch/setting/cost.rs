@@ -11,7 +11,7 @@ use crate::objects::{LineageId, cost::Work};
 /// Time since a moment of the caller's choice.
 pub type Clock<'a> = &'a (dyn Fn() -> Duration + Sync);
 
-/// What a run has cost so far.
+/// Cost of a run so far.
 #[derive(Default)]
 pub struct Meter<'a> {
     clock: Option<Clock<'a>>,
@@ -31,12 +31,12 @@ impl<'a> Meter<'a> {
         Meter { clock: Some(clock), spent: Mutex::new(Spent { turned: clock(), lineages: BTreeMap::new() }) }
     }
 
-    /// What each lineage has cost so far.
+    /// Returns the cost of each lineage so far.
     pub fn lineages(&self) -> BTreeMap<LineageId, Work> {
         self.spent().lineages.clone()
     }
 
-    /// Ends a lineage's turn: the time since the last turn's end was its.
+    /// Ends a lineage's turn and charges it the time since the last turn's end.
     pub(in crate::epoch) fn turn(&self, lineage: &LineageId) {
         self.turns(&[lineage]);
     }

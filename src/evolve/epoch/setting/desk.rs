@@ -39,30 +39,30 @@ pub struct Desk<'a> {
 
 /// The part that workers share. No result depends on it.
 pub struct Tools<'a> {
-    /// Who answers for the models.
+    /// Source of the models' answers.
     ask: &'a dyn Ask,
-    /// Most questions that are open together, where whoever answers takes their time; as many as there are threads without.
+    /// Most questions that are open together, where answers take time; without it as many as there are threads.
     open: Option<usize>,
     pub threads: &'a Threads,
     /// Labels that are on record.
     pub rollouts: &'a Rollouts<'a>,
-    /// Rollouts of our own simulator that only predict what another one will say. They count among no label's.
+    /// Rollouts of our own simulator that only predict what another one will say. They do not count among the labels.
     pub(in crate::epoch) predictions: Rollouts<'a>,
     pub meter: Meter<'a>,
-    /// Who simulates rollouts for labels.
+    /// Simulator of rollouts for labels.
     pub backend: Backend<'a>,
-    /// Where a plan gathers missing work; `None` where the work is done.
+    /// List in which a plan gathers missing work; `None` where the work is done.
     pub(in crate::epoch) wanted: Option<&'a Wanted>,
-    /// Where labels and trials are listed that are read; `None` where nobody asks.
+    /// List of the labels and trials that are read; `None` where nobody asks for it.
     pub(in crate::epoch) noted: Option<&'a Wanted>,
-    /// Whether whoever started the run wants it to stop.
+    /// Returns `true` once whoever started the run wants it to stop.
     stop: Option<&'a (dyn Fn() -> bool + Sync)>,
     pub(in crate::epoch) situations: Situations,
-    /// What programs were compiled to, or why not, by all that decides there.
+    /// Compiled programs, or why they cannot be compiled, by all that decides the result.
     pub(in crate::epoch) compiled: LruCache<Digest, Result<Arc<Made>, String>>,
     /// The vehicles that were ranked for a scene's counsel, or why none could be.
     pub(in crate::epoch) counselled: LruCache<Digest, Result<Vec<Vehicle>, String>>,
-    /// What their motion and search nodes came to.
+    /// Results of the programs' motion and search nodes.
     pub(in crate::epoch) searched: Searched,
 }
 
@@ -95,17 +95,17 @@ impl<'a> Tools<'a> {
         }
     }
 
-    /// The same with so many questions open together, of all lineages of an epoch.
+    /// The same tools with so many questions open together, counted over all lineages of an epoch.
     pub fn asking_at_once(self, open: usize) -> Tools<'a> {
         Tools { open: Some(open.max(1)), ..self }
     }
 
-    /// The same with rollouts from a backend.
+    /// The same tools with rollouts from a backend.
     pub fn behind(self, backend: Backend<'a>) -> Tools<'a> {
         Tools { backend, ..self }
     }
 
-    /// Whether an error says that a plan cannot see further: a record is missing, or an answer that workers get themselves.
+    /// Returns `true` if an error says that a plan cannot see further: a record is missing, or an answer that workers get themselves.
     pub(in crate::epoch) fn is_wanting(&self, error: &RunError) -> bool {
         match error {
             RunError::Wanting => true,
@@ -114,7 +114,7 @@ impl<'a> Tools<'a> {
         }
     }
 
-    /// The same for a plan: what is missing is asked of `wanted`.
+    /// The same tools for a plan: missing work is asked of `wanted`.
     pub fn planning(self, wanted: &'a Wanted) -> Tools<'a> {
         Tools { wanted: Some(wanted), ..self }
     }
@@ -124,17 +124,17 @@ impl<'a> Tools<'a> {
         Tools { noted: Some(noted), ..self }
     }
 
-    /// The same until `stop` says so.
+    /// The same tools, which stop once `stop` is true.
     pub fn until(self, stop: &'a (dyn Fn() -> bool + Sync)) -> Tools<'a> {
         Tools { stop: Some(stop), ..self }
     }
 
-    /// Who answers a lineage's questions.
+    /// Returns the source of answers to a lineage's questions, which meters their cost.
     pub(in crate::epoch) fn asking<'t>(&'t self, lineage: &'t LineageId) -> Asking<'t, 'a> {
         self.meter.asking(self.ask, lineage)
     }
 
-    /// How many lineages of an epoch are worked on together. A plan looks at all of them.
+    /// Returns how many lineages of an epoch are worked on together. A plan looks at all of them.
     pub(in crate::epoch) fn lineages_together(&self, study: &Study) -> usize {
         match (self.wanted, self.open) {
             (Some(_), _) => study.lineages.len().max(1),
@@ -143,7 +143,7 @@ impl<'a> Tools<'a> {
         }
     }
 
-    /// How many of them are under way at the same time. A plan that waits for nobody looks at one after the other.
+    /// Returns how many of them are under way at the same time. A plan that waits for nobody takes one after the other.
     pub(in crate::epoch) fn at_once(&self, study: &Study, together: usize) -> usize {
         match (self.wanted, self.open) {
             (Some(_), None) => 1,
@@ -152,7 +152,7 @@ impl<'a> Tools<'a> {
         }
     }
 
-    /// `f` of items each of which asks questions, in item order.
+    /// Maps `f` over items each of which asks questions, and returns the results in item order.
     pub(in crate::epoch) fn ask_all<T: Sync, R: Send>(
         &self,
         items: &[T],

@@ -1,4 +1,4 @@
-//! What a run is a function of, and what acts in it: scenes, lineages and options; the desk; the meter.
+//! Inputs of a run, and what acts in it: scenes, lineages and options; the desk; the meter.
 
 pub(super) mod cost;
 pub(super) mod desk;

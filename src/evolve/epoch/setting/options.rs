@@ -1,5 +1,5 @@
-//! What an experiment file says of the agents that are asked before a lineage evolves: who composes its templates, who
-//! counsels it about attackers.
+//! Options of an experiment file for the agents that are asked before a lineage evolves: who composes its templates,
+//! who counsels it about attackers.
 
 use std::collections::BTreeMap;
 
@@ -11,11 +11,11 @@ use crate::objects::{GatesAsked, UnreadableCritic, UnreadablePatch};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ProposalOptions {
-    /// Whether a child that does what its parent does on every probe scene goes no further. The paper has seven gates, not this one.
+    /// True if a child that does what its parent does on every probe scene goes no further. The paper has seven gates, not this one.
     pub effect_gate: bool,
-    /// What becomes of a proposal of which a critic gave no readable review.
+    /// Treatment of a proposal of which a critic gave no readable review.
     pub unreadable_critic: UnreadableCritic,
-    /// What becomes of a proposal whose patch cannot be read.
+    /// Treatment of a proposal whose patch cannot be read.
     pub unreadable_patch: UnreadablePatch,
     /// When the gates judge a patch.
     pub gates: GatesAsked,

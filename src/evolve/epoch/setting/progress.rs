@@ -1,4 +1,4 @@
-//! What a run tells while it works; never part of the result.
+//! News of a run while it works; never part of the result.
 
 use crate::objects::{Attempt, Exit, event::Settled};
 

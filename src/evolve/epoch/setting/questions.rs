@@ -1,4 +1,4 @@
-//! How many questions a study can ask at most. What is asked depends on the answers before it, so nobody can know the
+//! Upper bound on the questions of a study. What is asked depends on the answers before it, so nobody can know the
 //! questions of a run that is not recorded; the budget bounds them.
 
 use std::collections::BTreeMap;
@@ -12,7 +12,7 @@ use crate::objects::Role;
 pub struct Occasions {
     /// `proposals`, `counsels`, `templates` or `turns` of the world evaluator.
     pub kind: &'static str,
-    /// How many of them a run has at most.
+    /// Largest number of them in a run.
     pub count: u64,
     /// Role -> most questions on one of them.
     pub each: BTreeMap<Role, u64>,

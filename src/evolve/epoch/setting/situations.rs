@@ -12,11 +12,11 @@ use crate::scene::PreparedScene;
 use crate::sim::{Intervention, Plant, SimulatorOptions};
 use crate::stage::Situation;
 
-/// By place in the study's scenes, then by ego.
+/// Situations by place in the study's scenes, then by ego.
 pub struct Situations {
     simulator: SimulatorOptions,
     seed: Seed,
-    /// Whether the ego's undisturbed drive is that of the simulator that judges, or ours.
+    /// True if the ego's undisturbed drive is that of the simulator that judges; false if it is ours.
     around_backend: bool,
     places: Vec<Place>,
 }
@@ -30,7 +30,7 @@ struct Place {
 type Built = Result<Arc<Situation>, String>;
 
 impl Situations {
-    /// For the scenes of a study and the drivers of its lineages; nothing is built yet.
+    /// Makes room for the scenes of a study and the drivers of its lineages; nothing is built yet.
     pub fn of(study: &Study) -> Situations {
         let egos = || {
             let all = study.lineages.iter().flat_map(LineageSpec::by_ego);

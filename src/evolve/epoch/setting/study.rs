@@ -52,21 +52,21 @@ pub struct Study {
     pub contract_texts: BTreeMap<FamilyName, String>,
     pub budget: Budget,
     pub models: BTreeMap<Role, ModelSpec>,
-    /// Under which rules scenes are simulated.
+    /// Rules under which scenes are simulated.
     pub simulator: SimulatorOptions,
-    /// Who simulates rollouts for labels, where that is another simulator than ours, and whose ego families plan around.
+    /// Simulator of the rollouts for labels, and the choice of whose ego families plan around; `None` where our own simulates.
     pub backend: Option<BackendOptions>,
     pub evaluation: EvaluationOptions,
     pub archive: ArchiveOptions,
-    /// Which method searches, where that is not the archive's own, and its budget of rollouts.
+    /// Method of the search, where it is not the archive's own, and its budget of rollouts.
     pub search: Option<SearchOptions>,
     /// Parts of the system that this run does without.
     pub without: Without,
     /// How a proposal is judged before any rollout.
     pub proposals: ProposalOptions,
-    /// Whether no patch brings in a sort of road user that its parent does not insert.
+    /// True if no patch may bring in a sort of road user that its parent does not insert.
     pub fixed_bodies: bool,
-    /// Which form questions have.
+    /// Form of the questions.
     pub questions: Questions,
     pub selector: SelectorOptions,
     pub memory: MemoryOptions,
@@ -75,7 +75,7 @@ pub struct Study {
     pub world: WorldConfiguration,
     /// How the world agent may change it; without it the configuration stays.
     pub world_agent: Option<WorldAgentOptions>,
-    /// What the template agent is asked for; without it parents are the published ones.
+    /// Request to the template agent; without it parents are the published ones.
     pub composition: Option<CompositionOptions>,
     /// How the attacker agent is asked; needed where a lineage's family takes counsel.
     pub counsel: Option<CounselOptions>,
@@ -105,7 +105,7 @@ pub struct LineageSpec {
     pub replica: u32,
     pub family: FamilyName,
     pub ego: Policy,
-    /// Where it is played against several drivers, how a scene's label follows from those against each.
+    /// Rule by which a scene's label follows from those against each driver, where it is played against several.
     pub over_egos: Option<OverEgos>,
     /// The same lineage against each of several drivers alone, `ego` first; empty with one driver.
     pub against: Vec<LineageSpec>,
@@ -191,7 +191,7 @@ impl Study {
         Role::CRITICS.into_iter().filter(of).collect()
     }
 
-    /// Whether attempts leave memory cards, and prompts show some.
+    /// Returns `true` if attempts leave memory cards and prompts show some.
     pub fn has_memory(&self) -> bool {
         !self.without.memory && self.method() != Method::OpenEvolve && !self.method().draws_patches()
     }
@@ -204,7 +204,7 @@ impl Study {
         isolation.into_iter().chain(effect).collect()
     }
 
-    /// What the gates judge a patch of a lineage by.
+    /// Returns what the gates judge a patch of a lineage by.
     pub fn judging<'a>(&'a self, contract: &'a Contract) -> Judging<'a> {
         Judging {
             contract,
@@ -215,14 +215,14 @@ impl Study {
         }
     }
 
-    /// Whether candidates are simulated here before another simulator labels some of them: the columns that its world evaluator has
-    /// from that, which every configuration of its agent may read.
+    /// Returns `true` if candidates are simulated here before another simulator labels some of them. Its world evaluator then has
+    /// columns from that, which every configuration of its agent may read.
     pub fn simulates_before(&self) -> bool {
         self.world.model == WorldModel::Simulator
     }
 
-    /// What of our own simulator counts into a rollout that only predicts. Where the commands are those of a run without a backend,
-    /// the rollout is that run's.
+    /// Returns the digest of our own simulator for the key of a rollout that only predicts. Where the commands are those of a run
+    /// without a backend, the rollout is that run's.
     pub fn predicting(&self) -> Result<Digest, CanonError> {
         if self.plans_around_backend() {
             Digest::of("evodrive/predicting/1", &self.rules()?)
@@ -231,14 +231,14 @@ impl Study {
         }
     }
 
-    /// Whether anything rests on what the world evaluator is fitted to: who is simulated in a later epoch, or what its agent
-    /// makes of it.
+    /// Returns `true` if anything rests on what the world evaluator is fitted to: who is simulated in a later epoch, or what
+    /// its agent makes of it.
     pub fn evaluator_decides(&self) -> bool {
         let ranks = self.world.routing.choice == RoutingChoice::Ranked && !self.simulates_all();
         self.budget.epochs > 1 && (ranks || self.world_agent.is_some())
     }
 
-    /// Whether every admitted candidate is simulated, whatever the world evaluator says of it.
+    /// Returns `true` if every admitted candidate is simulated, whatever the world evaluator says of it.
     pub fn simulates_all(&self) -> bool {
         let routing = &self.world.routing;
         // A predicted loss is never above 1.
@@ -246,13 +246,13 @@ impl Study {
         routing.rollout_budget >= self.budget.slots && (nobody_is_weak || routing.choice == RoutingChoice::Random)
     }
 
-    /// Whether nothing that one lineage does changes what another one is asked: one lineage alone, or neither shared cards nor an
-    /// evaluator that turns candidates away.
+    /// Returns `true` if nothing that one lineage does changes what another one is asked: there is one lineage alone, or neither
+    /// shared cards nor an evaluator that turns candidates away.
     pub fn lineages_stand_alone(&self) -> bool {
         self.world_agent.is_none() && (self.lineages.len() == 1 || (!self.has_memory() && self.simulates_all()))
     }
 
-    /// What of the simulator counts into a rollout's key: its options, and the backend where that is another simulator.
+    /// Returns the digest of the simulator for a rollout's key: its options, and the backend where that is another simulator.
     pub fn rules(&self) -> Result<Digest, CanonError> {
         let own = self.simulator.digest()?;
         match &self.backend {
@@ -262,17 +262,17 @@ impl Study {
         }
     }
 
-    /// What a planner that is not blind is told of a program.
+    /// Returns what a planner that is not blind is told of a program.
     pub fn under(&self, hash: Digest) -> ProgramContext {
         ProgramContext::program(hash, self.parents.contains(&hash))
     }
 
-    /// What of the simulator counts into what a program comes to in a scene, before anybody simulates it.
+    /// Returns the digest of the simulator for what a program comes to in a scene, before anybody simulates it.
     pub fn planning(&self) -> Result<Digest, CanonError> {
         if self.plans_around_backend() { self.rules() } else { self.simulator.digest() }
     }
 
-    /// Whether families plan around the ego's drive in another simulator.
+    /// Returns `true` if families plan around the ego's drive in another simulator.
     pub fn plans_around_backend(&self) -> bool {
         self.backend.as_ref().is_some_and(|backend| backend.plan_around == PlanAround::Backend)
     }
@@ -375,7 +375,7 @@ impl Study {
         places.iter().map(|&place| self.scenes[place].scene().id.clone()).collect()
     }
 
-    /// What names a list of scenes on which programs were labelled.
+    /// Returns the digest of a list of scenes on which programs were labelled.
     pub fn scenes_digest(&self, places: &[usize]) -> Result<Digest, RunError> {
         Ok(Digest::of("evodrive/window/1", &self.scene_ids(places))?)
     }

@@ -37,7 +37,7 @@ fn judged(patch: Box<ProgramPatch>, Verdict { admission, trials, in_effect }: Ve
     }
 }
 
-/// What trying a child on the probe scenes brought.
+/// Result of trying a child on the probe scenes.
 #[derive(Default)]
 struct Tried {
     trials: Trials,

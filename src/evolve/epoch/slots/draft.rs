@@ -8,19 +8,19 @@ use crate::objects::{
 };
 use crate::world::Prediction;
 
-/// What the gates say of a patch, and what they learned of its child on the way.
+/// Verdict of the gates on a patch, and what they learned of its child on the way.
 pub struct Verdict {
     pub admission: Admission,
-    /// What came of compiling it on probe scenes.
+    /// Results of compiling it on probe scenes.
     pub trials: Trials,
-    /// It in each scene of the window; empty where it keeps its contract not so far that this could be told.
+    /// Its effect in each scene of the window; empty where the child breaks its contract so far that this cannot be told.
     pub in_effect: Vec<InScene>,
 }
 
-/// What is known of a proposal from its first step on.
+/// Parts of a proposal that are known from its first step on.
 pub struct Head {
     pub slot: u32,
-    /// What its slot was asked for.
+    /// Request to its slot.
     pub target: String,
     pub proposal: Proposal,
 }
@@ -69,12 +69,12 @@ pub enum Reached {
 /// An admitted candidate with what the world evaluator expects of it.
 pub struct Predicted {
     pub candidate: Candidate,
-    /// What the prediction rests on, and a label will be learned from.
+    /// Row that the prediction rests on and that a label will be learned from.
     pub row: WorldRow,
     pub prediction: Prediction,
-    /// Whether it may differ from its parent, scene of the window by scene.
+    /// For each scene of the window, true if it may differ from its parent there.
     pub open: Vec<bool>,
-    /// What its pilot showed, where there is one.
+    /// Result of its pilot, where there is one.
     pub pilot: Option<Pilot>,
 }
 
@@ -82,7 +82,7 @@ pub struct Predicted {
 pub struct RoutedCandidate {
     pub candidate: Candidate,
     pub route: Route,
-    /// What a label will be learned from.
+    /// Row that a label will be learned from.
     pub row: WorldRow,
 }
 

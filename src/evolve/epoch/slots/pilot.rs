@@ -72,7 +72,7 @@ fn places(snapshot: &Snapshot<'_>, own: &Predicted, order: &[usize], options: &P
     pilot_places(order, &own.open, options).into_iter().map(|place| snapshot.window[place]).collect()
 }
 
-/// What a pilot in these scenes shows beside the parent's labels there.
+/// Compares a pilot in these scenes with the parent's labels there.
 fn shown(scenes: Vec<String>, score: Option<&Score>, parent: &Score) -> Pilot {
     let before: BTreeMap<&str, &SceneScore> = parent.scenes.iter().map(|label| (label.scene.as_str(), label)).collect();
     let labels = score.map_or(&[][..], |score| &score.scenes);

@@ -32,8 +32,8 @@ pub fn predict(
     })
 }
 
-/// What our own simulator shows on the window, candidate less parent, where the evaluator goes by that. Where it can label one of the
-/// two nowhere, nothing is shown.
+/// Returns what our own simulator shows on the window, candidate less parent, where the evaluator goes by that. `None` elsewhere, and
+/// where it can label one of the two in no scene.
 fn simulated(
     study: &Study,
     snapshot: &Snapshot<'_>,

@@ -23,7 +23,7 @@ pub fn comment(indent: &str, text: &str) -> String {
     lines.iter().map(|line| format!("# {indent}{line}\n")).collect()
 }
 
-/// What a slot decides.
+/// Says what a slot decides.
 fn decides(slot: Slot) -> &'static str {
     match slot {
         Slot::Select => "the scenes in which the program acts",
@@ -66,7 +66,7 @@ pub fn unset(name: &str, spec: &SettingSpec) -> String {
     comment("", &format!("{name} is not set, and need not be: {}", value(&spec.domain, &spec.describes)))
 }
 
-/// What the modules of a family may be, and the features that expressions read.
+/// Writes what the modules of a family may be, and the features that expressions read.
 pub fn mechanism_slots(contract: &Contract) -> String {
     let mut text = comment(
         "",
@@ -88,7 +88,7 @@ pub fn mechanism_slots(contract: &Contract) -> String {
     text
 }
 
-/// What conditions of rules are made of.
+/// Writes what conditions of rules are made of.
 pub fn rules(contract: &Contract) -> String {
     let reads: Vec<&str> = contract.scene_features.iter().map(|feature| feature.name).collect();
     let text = format!(

@@ -14,7 +14,7 @@ use crate::stage::Source;
 /// Names that a message lists; of more it says how many.
 const LISTED_MAX: usize = 12;
 
-/// Which contract a program obeys.
+/// Mark of the contract that a program obeys.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ContractMark {

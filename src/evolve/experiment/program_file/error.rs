@@ -1,4 +1,4 @@
-//! What is wrong with a program file, each fault with a message of its own.
+//! Faults of a program file, each with a message of its own.
 
 use super::finding::Finding;
 use crate::store::StoreError;

@@ -1,4 +1,4 @@
-//! What does not fit in a program that somebody wrote: gate, place, line.
+//! Faults of a program that somebody wrote: gate, place, line.
 
 use serde::Serialize;
 use std::fmt;
@@ -34,7 +34,7 @@ impl fmt::Display for Finding {
     }
 }
 
-/// What the family's contract finds in a program, each with the gate that asks it.
+/// Returns the problems that the family's contract finds in a program, each with the gate that asks about it.
 pub fn by_contract(contract: &Contract, program: &Program) -> Vec<(Gate, Problem)> {
     let mechanism = [contract.check_mechanisms(program), contract.check_conditions(program)].concat();
     let all = contract.check_program(program).into_iter();

@@ -39,7 +39,7 @@ const KEYS: [&str; 16] = [
     "sequences",
 ];
 const PARTS: [&str; 4] = ["parameters", "operator_graph", "scenario_conditioned_policy", "mechanism_modules"];
-/// What stands behind the name of a program that was changed by hand, where its own name is taken.
+/// Suffix of the name of a program that was changed by hand, where its own name is taken.
 const HAND: &str = "-hand";
 
 /// Everything but the parts of program and parent, which are typed one by one.

@@ -1,4 +1,4 @@
-//! Where a place of a program stands in the TOML text of its file.
+//! Line numbers: where a place of a program stands in the TOML text of its file.
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};

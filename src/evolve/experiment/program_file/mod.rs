@@ -47,18 +47,18 @@ pub struct ProgramFile {
     pub digest: Digest,
     /// b
     pub family: FamilyName,
-    /// What the program may contain, as its run knew it.
+    /// Mark of the contract on what the program may contain, as its run knew it.
     pub contract: ContractMark,
     pub program: Program,
     /// Hash of the program's content.
     pub program_hash: Digest,
-    /// What its lineage started from: composed and set as in the run.
+    /// Program that its lineage started from: composed and set as in the run.
     pub parent: Program,
     /// Parameters that the experiment set for that parent; they are in `parent` already.
     pub parent_settings: BTreeMap<String, ParameterValue>,
     /// How it was labelled.
     pub conditions: Conditions,
-    /// Who was advised to attack, by scene; empty in families that take no counsel.
+    /// Advice on who attacks, by scene; empty in families that take no counsel.
     pub counsel: BTreeMap<String, CarriedCounsel>,
     /// Control sequences of SafeBench that are played as they are in place of a search, by traffic family; only programs that
     /// were made of such a file have some.
@@ -70,7 +70,7 @@ pub struct ProgramFile {
     pub origins: Vec<Origin>,
 }
 
-/// What a label depends on besides program and scene.
+/// Everything that a label depends on besides program and scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Conditions {
@@ -81,7 +81,7 @@ pub struct Conditions {
     /// Versions of meaning of the program that exported it.
     pub versions: Versions,
     pub simulator: SimulatorOptions,
-    /// Who simulated the rollouts of its labels, if it was not our own simulator.
+    /// Simulator of the rollouts of its labels, if it was not our own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub backend: Option<BackendMark>,
     /// With the calibration written out.
@@ -94,14 +94,14 @@ pub struct Conditions {
 pub struct BackendMark {
     /// As its worker calls it.
     pub name: String,
-    /// Of the simulator behind the worker.
+    /// Version of the simulator behind the worker.
     pub version: String,
-    /// What the worker said of its own code.
+    /// Digest that the worker gave of its own code.
     pub digest: Digest,
 }
 
 impl BackendMark {
-    /// What a program file says of an experiment's backend.
+    /// Returns what a program file says of an experiment's backend.
     pub fn of(backend: &BackendOptions) -> BackendMark {
         BackendMark { name: backend.name.clone(), version: backend.version.clone(), digest: backend.digest }
     }
@@ -125,7 +125,7 @@ impl ProgramFile {
         Ok(ProgramFile { digest: self.computed()?, ..self })
     }
 
-    /// Whether the program is its lineage's parent itself.
+    /// Returns `true` if the program is its lineage's parent itself.
     pub fn is_parent(&self) -> bool {
         self.program.solution_id == self.parent.solution_id
     }
@@ -141,7 +141,7 @@ impl ProgramFile {
         }
     }
 
-    /// Whether programs of its family are compiled with counsel where there is some.
+    /// Returns `true` if programs of its family are compiled with counsel where there is some.
     pub fn takes_counsel(&self) -> bool {
         families::sources().get(&self.family).is_some_and(|source| source.asks.counsel.is_some())
     }

@@ -16,7 +16,7 @@ const MODULE_FIELDS: [&str; 5] = ["slot", "inputs", "output", "expression", "tag
 const VALUE: &str = "a number or a word";
 const SETTING: &str = "a number, a word, { parameter = name } or { mechanism = name }";
 
-/// What a program is made of, below `place`.
+/// Parts that a program is made of.
 #[derive(Clone, Debug, Default)]
 pub struct Parts {
     pub parameters: BTreeMap<String, ParameterValue>,
@@ -33,7 +33,7 @@ impl Parts {
     }
 }
 
-/// What is collected on the way.
+/// Problems that are collected on the way.
 struct Reading {
     problems: Vec<Problem>,
 }

@@ -44,7 +44,7 @@ impl ProgramFile {
         })
     }
 
-    /// Whether a file of this name holds TOML.
+    /// Returns `true` if a file of this name holds TOML.
     pub fn is_toml(file: &str) -> bool {
         Path::new(file).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"))
     }

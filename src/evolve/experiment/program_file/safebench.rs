@@ -18,7 +18,7 @@ use crate::formats::safebench::parameters::{Entry, ParameterFile, Parameters, SE
 use crate::objects::{FamilyName, ParameterValue, Program, Setting};
 use crate::scene::safebench::TrafficFamily;
 
-/// Which part of a file is meant.
+/// Part of a file that is meant.
 #[derive(Clone, Debug, Default)]
 pub struct Wanted {
     /// The member of each scenario's list, or the sequence of this number.
@@ -40,7 +40,7 @@ pub struct Wanted {
 pub struct Made {
     /// The program.
     pub file: ProgramFile,
-    /// What it holds of the file, and what not, a sentence each.
+    /// Sentences on what it holds of the file, and what not.
     pub notes: Vec<String>,
 }
 
@@ -239,7 +239,7 @@ fn changed(
 }
 
 impl ProgramFile {
-    /// What is wrong with its control sequences.
+    /// Says what is wrong with its control sequences; `None` if nothing is.
     pub(super) fn unfit_sequence(&self) -> Option<String> {
         let plays = METHODS.iter().any(|(_, family)| *family == self.family.as_str());
         if !plays && !self.sequences.is_empty() {

@@ -49,7 +49,7 @@ fn refused(text: &str) -> ProgramFileError {
     ProgramFile::from_bytes("p.json", text.as_bytes()).expect_err("it must be refused")
 }
 
-/// What is said of the file after an edit of its JSON value.
+/// Returns the error that an edit of the file's JSON value causes.
 fn edited(edit: impl FnOnce(&mut Value)) -> ProgramFileError {
     let mut value: Value = serde_json::from_str(&text()).unwrap();
     edit(&mut value);

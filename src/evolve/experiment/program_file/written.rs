@@ -55,7 +55,7 @@ impl ProgramFile {
         Ok(text)
     }
 
-    /// Where it came from and how it is labelled: what is seldom changed.
+    /// Writes where it came from and how it is labelled: what is seldom changed.
     fn provenance(&self, published: &Program) -> Result<String, NotWritten> {
         #[derive(Serialize)]
         struct Descent<'a> {

@@ -12,7 +12,7 @@ impl Editor {
         Editor(schema())
     }
 
-    /// What an editor underlines in a file, by place; empty where nothing is wrong.
+    /// Returns what an editor underlines in a file, by place; empty where nothing is wrong.
     fn complaint(&self, text: &str) -> String {
         let table: toml::Table = text.parse().expect("TOML");
         let value = serde_json::to_value(table).expect("JSON");
@@ -182,9 +182,9 @@ fn what_the_protocols_say_to_leave_alone_has_one_value_in_every_shipped_experime
             // The paper names seven of the ten.
             let more = more || file.ends_with("protocols/published.toml");
             let of_weights = |place: &str| more && place.starts_with(".evaluation.realism.weights.");
-            // Who ranks by our own simulator has no regression, and says how many labels its slope's prior counts for.
+            // An evaluator that ranks by our own simulator has no regression, and says how many labels its slope's prior counts for.
             let simulates = set.contains(&(".world.model".into(), "simulator".into()));
-            // Who predicts pairs of candidate and scene, routes by value and uncertainty.
+            // An evaluator that predicts pairs of candidate and scene routes by value and uncertainty.
             let pairs = set.iter().any(|(of, _)| of.starts_with(".world.pairs."));
             let of_model = |place: &str| {
                 simulates && [".world.model", ".world.ridge_lambda"].contains(&place)

@@ -1,4 +1,4 @@
-//! Hostile checkpoints of torch: zips, pickles and numbers that are not what they say.
+//! Hostile checkpoints of torch: zips, pickles and numbers with false contents.
 
 use flate2::Crc;
 

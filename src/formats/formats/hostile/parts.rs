@@ -9,7 +9,7 @@ use crate::formats::{Imported, import_files};
 use crate::kernel::{Vec2, num};
 use crate::scene::{AgentKind, LeftOut, Scene};
 
-/// What becomes of a file with one bad part.
+/// Fate of a file with one bad part.
 enum Becomes {
     /// It gives its scene, with so many tracks and lanes fewer.
     Kept(usize, usize),
@@ -24,13 +24,13 @@ const GPU: &str = "GPUDrive JSON";
 const CR: &str = "CommonRoad";
 const WAYMO: &str = "Waymo TFRecord";
 
-/// The file as the pickle's rows have it: the same description as in JSON.
+/// Returns the file as the pickle's rows have it: the same description as in JSON.
 fn whole(format: &str) -> Vec<u8> {
     if format == PICKLE { pickled(&described(|_| ())) } else { of(format).bytes }
 }
 
 fn text(value: &Value) -> Vec<u8> {
-    // What Python writes for a number that is none.
+    // Python's word for NaN.
     value.to_string().replace("\"<nan>\"", "NaN").into_bytes()
 }
 
@@ -40,10 +40,10 @@ fn gpu(change: impl FnOnce(&mut Value)) -> Vec<u8> {
     text(&value)
 }
 
-/// Format, bad part, the file, what is said of it, what becomes of it.
+/// Format, bad part, file, words of the message, fate of the file.
 type Row = (&'static str, &'static str, Vec<u8>, &'static str, Becomes);
 
-/// Both forms of a ScenarioNet description.
+/// Returns both forms of a ScenarioNet description.
 fn both(part: &'static str, change: impl Fn(&mut Value), words: &'static str, kept: (usize, usize)) -> [Row; 2] {
     let value = described(change);
     [
@@ -365,7 +365,7 @@ fn a_bad_part_is_left_out_by_name_and_the_rest_is_kept() {
         }
     }
     assert!(missed.is_empty(), "{} of {}:\n{}", missed.len(), rows.len(), missed.join("\n"));
-    // Every part that is left out says where it stands and what is kept.
+    // Every part that is left out is reported with its place and the rest that is kept.
     for (format, part, bytes, _, _) in rows.iter().filter(|row| matches!(row.4, Kept(..))) {
         let reader = of(format);
         let before = (reader.read)(reader.file, &whole(format)).unwrap().left_out;
@@ -384,7 +384,7 @@ fn roads_lanes_and_links_of_an_opendrive_file_are_left_out_alone() {
     };
     let (all, none) = lanes(&of("OpenDRIVE").bytes);
     assert_eq!(none, vec![]);
-    // What is changed, what is said, and how many lanes fewer there are.
+    // The change, the words of the message, and how many lanes fewer there are.
     let rows = [
         ("elementId=\"3\"", "elementId=\"41\"", "successor of road 2", 0),
         (
@@ -453,13 +453,13 @@ fn what_a_file_does_not_say_comes_from_what_it_says() {
         let limits: Vec<f64> = scene.road.lanes.iter().filter_map(|lane| lane.speed_limit_mps).collect();
         assert!(!limits.is_empty() && limits.iter().all(|limit| (limit - mps).abs() < 1e-3), "{text}: {limits:?}");
     }
-    // Velocities from places, in both senses of absent.
+    // Velocities from places, absent in either way.
     for absent in [json!(null), json!(vec![json!([0.0, 0.0]); 91])] {
         let scene = scene_of(JSON, &text(&described(|s| s["tracks"]["2"]["state"]["velocity"] = absent)));
         let speeds = scene.tracks[0].samples.iter().flatten().map(|sample| sample.velocity);
         assert!(speeds.clone().count() == 91 && speeds.into_iter().all(|v| v.distance(Vec2::new(10.0, 0.0)) < 1e-6));
     }
-    // A point mass looks where it goes.
+    // A point mass heads where it goes.
     let mass = edited(
         CR,
         "<orientation><exact>1.5707963267948966</exact></orientation><time><exact>0</exact></time><velocity><exact>8</exact></velocity>",
@@ -471,7 +471,7 @@ fn what_a_file_does_not_say_comes_from_what_it_says() {
         (car.heading_rad - num::FRAC_PI_2).abs() < 1e-9 && car.velocity.distance(Vec2::new(0.0, 8.0)) < 1.0,
         "{car:?}"
     );
-    // Kinds by their names, and the unknown by what they do.
+    // Kinds by their names, and unknown kinds by their motion.
     let names = [
         ("BUS", AgentKind::Vehicle),
         ("TRUCK", AgentKind::Vehicle),

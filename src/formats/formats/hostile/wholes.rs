@@ -17,7 +17,7 @@ pub struct Whole {
     pub file: &'static str,
     pub bytes: Vec<u8>,
     pub read: fn(&str, &[u8]) -> Result<Imported, ImportError>,
-    /// Whether it gives a scene by itself.
+    /// True if it gives a scene by itself.
     pub gives_scenes: bool,
 }
 
@@ -56,7 +56,7 @@ fn scenarios(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     safebench::Library::default().add_scenarios(file, bytes, &mut imported).map(|()| imported)
 }
 
-/// The whole file with one text in place of another.
+/// Returns the whole file with one text in place of another.
 pub fn edited(format: &str, from: &str, to: &str) -> Vec<u8> {
     let text = String::from_utf8(of(format).bytes).unwrap();
     assert!(text.contains(from), "{format} holds no {from}");

@@ -1,4 +1,4 @@
-//! Who takes part: names, kinds, boxes.
+//! The entities of a scenario: names, kinds, boxes.
 
 use std::collections::BTreeSet;
 
@@ -7,7 +7,7 @@ use super::Revision;
 use crate::formats::xml_write::{Attribute, Xml, decimal};
 use crate::scene::{AgentKind, Scene, Track};
 
-/// A vehicle longer than this is a truck, metres.
+/// Length beyond which a vehicle is a truck, metres.
 const CAR_LENGTH_M_MAX: f64 = 6.5;
 /// Share of a vehicle's length between its axles.
 const WHEELBASE_SHARE: f64 = 0.6;
@@ -128,7 +128,7 @@ impl Member<'_> {
         });
     }
 
-    /// ScenarioRunner tells the ego by this property.
+    /// Writes the properties by which ScenarioRunner recognises the ego.
     fn properties(&self, xml: &mut Xml) {
         let kind = if self.is_ego { "ego_vehicle" } else { "simulation" };
         xml.within("Properties", &[], |xml| {

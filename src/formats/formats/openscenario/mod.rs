@@ -38,11 +38,11 @@ pub struct OpenScenario {
     pub xosc: Vec<u8>,
     /// The road network.
     pub xodr: Vec<u8>,
-    /// What the file cannot hold of the scene.
+    /// Notes on parts of the scene that the file cannot hold.
     pub notes: Vec<Note>,
 }
 
-/// The scene, as logged or as played. `road_file` is the name under which the road network will lie beside the
+/// Returns the scene, as logged or as played. `road_file` is the name under which the road network will lie beside the
 /// scenario, such as `scene.xodr`.
 ///
 /// # Errors
@@ -114,7 +114,7 @@ fn road_network(xml: &mut Xml, scene: &Scene, road_file: &str) {
     });
 }
 
-/// One controller for each light; its phases are the light's recorded states.
+/// Writes one controller for each light; its phases are the light's recorded states.
 fn controller(xml: &mut Xml, scene: &Scene, ix: usize) {
     let mut phases: Vec<(usize, LightState)> = Vec::new();
     for &state in &scene.lights[ix].states {
@@ -140,7 +140,7 @@ fn controller(xml: &mut Xml, scene: &Scene, ix: usize) {
     });
 }
 
-/// A step as seconds, in its shortest form.
+/// Returns a step as seconds, in its shortest form.
 fn seconds(step: usize) -> String {
     // 1 / DT_S is whole, so that 3 steps are 0.3 s and not 0.30000000000000004 s.
     decimal(step as f64 / (1.0 / DT_S).round())

@@ -1,4 +1,4 @@
-//! Where every road user starts, which trajectory it follows, and when the scenario ends.
+//! The start of every road user, the trajectory that it follows, and the end of the scenario.
 
 use std::ops::Range;
 
@@ -23,7 +23,7 @@ pub(super) fn write(xml: &mut Xml, scene: &Scene, cast: &Cast<'_>, revision: Rev
     });
 }
 
-/// Where it stands and how fast it is at the start, and what else is told of it then.
+/// Writes its place and its speed at the start, and further actions of the start.
 pub(super) fn init(xml: &mut Xml, member: &Member<'_>, more: impl FnOnce(&mut Xml)) {
     let Some(start) = member.track.at(0) else { return };
     xml.within("Private", &[("entityRef", &member.name)], |xml| {
@@ -47,7 +47,7 @@ pub(super) fn init(xml: &mut Xml, member: &Member<'_>, more: impl FnOnce(&mut Xm
     });
 }
 
-/// Every road user has a group. One without an event stays where Init put it.
+/// Writes a group for every road user. One without an event stays where Init put it.
 fn part(xml: &mut Xml, member: &Member<'_>, revision: Revision) {
     let name = &member.name;
     let parts = stretches(member.track, 0);
@@ -66,12 +66,12 @@ fn part(xml: &mut Xml, member: &Member<'_>, revision: Revision) {
     });
 }
 
-/// The ego stays in the scenario: after its known motion another controller drives it.
+/// Returns `true` if it leaves. The ego stays: after its known motion another controller drives it.
 fn leaves(member: &Member<'_>, range: &Range<usize>) -> bool {
     range.end < member.track.samples.len() && !member.is_ego
 }
 
-/// It comes, follows its trajectory and goes.
+/// Writes a stretch: it comes, follows its trajectory and goes.
 fn stretch(xml: &mut Xml, member: &Member<'_>, number: usize, range: &Range<usize>, revision: Revision) {
     let Member { name, track, .. } = member;
     let Some(first) = track.at(range.start) else { return };
@@ -99,8 +99,8 @@ fn stretch(xml: &mut Xml, member: &Member<'_>, number: usize, range: &Range<usiz
     }
 }
 
-/// 1.0 has no `TrajectoryRef`. Its times count from the start of the action, because ScenarioRunner reads them so whatever
-/// `TimeReference` says.
+/// Writes a trajectory. 1.0 has no `TrajectoryRef`. Its times count from the start of the action, because ScenarioRunner reads them so,
+/// whatever `TimeReference` says.
 fn follow(xml: &mut Xml, name: &str, track: &Track, range: &Range<usize>, revision: Revision) {
     let (from, domain) = match revision {
         Revision::V1_0 => (range.start, "relative"),
@@ -132,7 +132,7 @@ pub(super) fn position(xml: &mut Xml, sample: &Sample) {
     within_position(xml, "Position", sample);
 }
 
-/// The same under the name that an action gives it.
+/// Writes a position under the name that an action gives it.
 pub(super) fn within_position(xml: &mut Xml, name: &'static str, sample: &Sample) {
     let (x, y, h) = (decimal(sample.position.x), decimal(sample.position.y), decimal(sample.heading_rad));
     xml.within(name, &[], |xml| {
@@ -144,7 +144,7 @@ fn entity_action(xml: &mut Xml, name: &str, inside: impl FnOnce(&mut Xml)) {
     xml.within("GlobalAction", &[], |xml| xml.within("EntityAction", &[("entityRef", &name)], inside));
 }
 
-/// An event with one action that happens at a step.
+/// Writes an event with one action that happens at a step.
 fn event(xml: &mut Xml, name: &str, step: usize, action: impl FnOnce(&mut Xml)) {
     xml.within("Event", &[("name", &name), ("priority", &"parallel"), ("maximumExecutionCount", &1)], |xml| {
         xml.within("Action", &[("name", &format!("{name}_action"))], action);
@@ -152,7 +152,7 @@ fn event(xml: &mut Xml, name: &str, step: usize, action: impl FnOnce(&mut Xml)) 
     });
 }
 
-/// True once simulation time has passed a step: `greaterThan` is what ScenarioRunner knows.
+/// Writes a condition that is true once simulation time has passed a step: ScenarioRunner knows `greaterThan`.
 pub(super) fn after(xml: &mut Xml, name: &str, step: usize) {
     xml.within("ConditionGroup", &[], |xml| {
         xml.within("Condition", &[("name", &name), ("delay", &0), ("conditionEdge", &"none")], |xml| {

@@ -2,9 +2,9 @@
 //! belongs to the user's controller, each scripted road user stands until the ego is near and then goes through its phases, and the
 //! road is the town's own where the scene lies in one.
 //!
-//! An event a phase. The first starts when the ego is near; each further one when the one before has begun and the phase's end has
-//! come. Speeds are asked for with our plant's throttle and brake; how exactly they are reached is the player's. What OpenSCENARIO
-//! has no word for is refused, what it has another for is noted.
+//! One event a phase. The first starts when the ego is near; each further one when the one before has begun and the phase's end has
+//! come. Speeds are requested with our plant's throttle and brake; the player decides how exactly they are reached. Parts that
+//! OpenSCENARIO cannot express are refused, and parts that it expresses in another way are noted.
 
 use super::entities::{Cast, Member};
 use super::story::{after, init, position, within_position};
@@ -16,11 +16,11 @@ use crate::kernel::{Polyline, Vec2, num};
 use crate::scene::{AgentKind, DT_S, Sample, Scene, Track};
 use crate::sim::{Phase, Script, Speed, Until, Way, bicycle::DEFAULT_LIMITS};
 
-/// How far a straight way is written, metres.
+/// Length to which a straight way is written, metres.
 const STRAIGHT_M: f64 = 300.0;
-/// Where along a straight way it meets the ego's route is looked for in steps of this, metres.
+/// Step at which a straight way's meeting point with the ego's route is looked for, metres.
 const LOOK_M: f64 = 0.1;
-/// Waypoints of the ego's route.
+/// Most waypoints of the ego's route.
 const WAYPOINTS_MAX: usize = 20;
 
 /// The files of scripts that wait for the ego.
@@ -30,16 +30,16 @@ pub struct TriggeredScenario {
     pub xosc: Vec<u8>,
     /// The road network, where it is not a town's own.
     pub xodr: Option<Vec<u8>>,
-    /// What the file cannot say of the scripts.
+    /// Notes on parts of the scripts that the file cannot express.
     pub notes: Vec<Note>,
 }
 
-/// The scripts in their scene. The road is `town`'s own, which the player has, or a file beside the scenario that is called
+/// Returns the scripts in their scene. The road is `town`'s own, which the player has, or a file beside the scenario that is called
 /// `road_file`.
 ///
 /// # Errors
-/// The scene breaks a rule of a sound scene, has road users of its own, or a script has a way or an end that OpenSCENARIO has no word
-/// for.
+/// The scene breaks a rule of a sound scene, has road users of its own, or a script has a way or an end that OpenSCENARIO cannot
+/// express.
 pub fn triggered(
     scene: &Scene,
     scripts: &[Script],
@@ -90,7 +90,7 @@ pub fn triggered(
     Ok(TriggeredScenario { xosc: xml.finish(), xodr, notes })
 }
 
-/// A scripted road user as a track that stands.
+/// Returns a scripted road user as a track that stands.
 fn standing((k, script): (usize, &Script)) -> Track {
     let heading_rad = num::wrap_angle(script.spawn.heading_rad);
     let sample = Sample { position: script.spawn.position, heading_rad, velocity: Vec2::ZERO };
@@ -98,25 +98,25 @@ fn standing((k, script): (usize, &Script)) -> Track {
     Track { id: format!("scripted_{k}"), kind, length_m, width_m, samples: vec![Some(sample)] }
 }
 
-/// What one event does.
+/// Action of one event.
 enum Does {
     /// Toward a speed, m/s, from another one.
     Speed { from_mps: f64, to_mps: f64 },
-    /// The ego's speed.
+    /// Matches the ego's speed.
     EgoSpeed,
     /// Meets the ego where their ways cross.
     Meets { at: Vec2, ego_at: Vec2 },
-    /// Along points, at the speed that is asked for elsewhere; about this fast, m/s, for players that know no way without times.
+    /// Along points, at the speed of another event; about this fast, m/s, for players that need times on a way.
     Along { points: Vec<Vec2>, about_mps: f64 },
-    /// Beside the middle of its lane, metres to the left, over a way.
+    /// To an offset from the middle of its lane, metres to the left, over a way.
     Aside { left_m: f64, over_m: f64 },
 }
 
-/// When an event starts.
+/// Start of an event.
 enum When {
-    /// As the script's trigger says.
+    /// At the script's trigger.
     SetOff,
-    /// Behind the event before, once this holds.
+    /// After the event before, once this holds.
     Behind(Until),
 }
 
@@ -135,7 +135,7 @@ struct Teller<'s> {
 }
 
 impl Teller<'_> {
-    /// The events of a script, or the word that is missing.
+    /// Returns the events of a script, or the word that is missing.
     fn events(&mut self, k: usize) -> Result<Vec<Told>, &'static str> {
         let script = &self.scripts[k];
         let shifts = script.phases.iter().any(|phase| matches!(phase.way, Way::Shift { .. }));
@@ -145,7 +145,7 @@ impl Teller<'_> {
             let mut does = Vec::new();
             let about_mps = about_mps(&phase.speed);
             match &phase.way {
-                // Once on its way it stays there; who moves sideways later keeps to its lane until then.
+                // Once on its way it stays there; a road user that moves sideways later keeps to its lane until then.
                 Way::Straight if i > 0 || (shifts && script.kind == AgentKind::Vehicle) => {}
                 Way::Straight => does.push(Does::Along { points: straight(script, 0.0), about_mps }),
                 Way::Turn { left_rad, .. } if i == 0 && script.kind == AgentKind::Pedestrian => {
@@ -153,7 +153,7 @@ impl Teller<'_> {
                 }
                 Way::Points { points } | Way::Path { points } => {
                     let forward = Vec2::from_heading(script.spawn.heading_rad);
-                    // What lies behind it by then is left out.
+                    // Points that lie behind it by then are left out.
                     let ahead = |point: &&Vec2| (**point - script.spawn.position).dot(forward) > driven_m + 0.5;
                     let begins = script.spawn.position + forward * driven_m;
                     let points = std::iter::once(&begins).chain(points.iter().filter(ahead)).copied().collect();
@@ -220,7 +220,7 @@ impl Teller<'_> {
                 driven_m = m;
             }
         }
-        // Behind its last phase it brakes and stays.
+        // After its last phase it brakes and stays.
         if !script.phases.is_empty() {
             told.push(Told { when, does: vec![Does::Speed { from_mps: mps, to_mps: 0.0 }] });
         }
@@ -234,7 +234,7 @@ impl Teller<'_> {
         }
     }
 
-    /// How far along its straight way a script comes within `within_m` of the ego's route (0: nearest), and the place there.
+    /// Returns how far along its straight way a script comes within `within_m` of the ego's route (0: nearest), and the place there.
     fn crossing(&self, script: &Script, within_m: f64) -> Option<(f64, Vec2)> {
         let forward = Vec2::from_heading(script.spawn.heading_rad);
         let within_m = within_m.max(LOOK_M);
@@ -272,7 +272,7 @@ impl Teller<'_> {
         });
     }
 
-    /// The ego's controller and route.
+    /// Writes the ego's controller and route.
     fn free(&self, xml: &mut Xml) {
         xml.within("PrivateAction", &[], |xml| {
             xml.within("ControllerAction", &[], |xml| {
@@ -322,7 +322,7 @@ impl Teller<'_> {
             xml.within("Maneuver", &[("name", &format!("maneuver_{name}"))], |xml| {
                 for (i, event) in told.iter().enumerate() {
                     let own = format!("{name}_{i}");
-                    // What asks for a speed alone leaves the way as it is.
+                    // An event for a speed alone leaves the way as it is.
                     let attributes: [Attribute<'_>; 3] =
                         [("name", &own), ("priority", &"parallel"), ("maximumExecutionCount", &1)];
                     xml.within("Event", &attributes, |xml| {
@@ -371,7 +371,7 @@ impl Teller<'_> {
                 let attributes: [Attribute<'_>; 1] = [("continuous", &"false")];
                 xml.within("LateralAction", &[], |xml| {
                     xml.within("LaneOffsetAction", &attributes, |xml| {
-                        // A smooth step over that way at 10 m/s asks for this much across.
+                        // A smooth step over that way at 10 m/s needs this much acceleration across.
                         let across_mps2 = 6.0 * left_m.abs() * 100.0 / (over_m * over_m);
                         xml.empty(
                             "LaneOffsetActionDynamics",
@@ -405,7 +405,7 @@ impl Teller<'_> {
         });
     }
 
-    /// A way without times: speeds are asked for beside it. ScenarioRunner reads times all the same.
+    /// Writes a way without times: other events request the speeds. ScenarioRunner still reads times.
     fn along(&self, xml: &mut Xml, own: &str, (points, about_mps): (&[Vec2], f64)) {
         let trajectory = |xml: &mut Xml| {
             xml.within("Trajectory", &[("name", &format!("way_{own}")), ("closed", &"false")], |xml| {
@@ -432,7 +432,7 @@ impl Teller<'_> {
         xml.empty("TrajectoryFollowingMode", &[("followingMode", &"follow")]);
     }
 
-    /// The ego is near the script's reference, and moves where that is asked.
+    /// Writes the trigger: the ego is near the script's reference, and moves where that is required.
     fn set_off(&self, xml: &mut Xml, k: usize) {
         let trigger = &self.scripts[k].trigger;
         let reference = &self.cast.members[1 + trigger.reference.min(self.scripts.len() - 1)].name;
@@ -450,7 +450,7 @@ impl Teller<'_> {
         });
     }
 
-    /// Two road users are nearer than this, centre to centre.
+    /// Writes the condition that two road users are nearer than this, centre to centre.
     fn near(&self, xml: &mut Xml, name: &str, (of, to): (&str, &str), m: f64) {
         let kind = if self.revision == Revision::V1_0 { "cartesianDistance" } else { "euclidianDistance" };
         condition(xml, name, 0.0, |xml| {
@@ -469,7 +469,7 @@ impl Teller<'_> {
         });
     }
 
-    /// Once the event before has begun and a phase's end has come.
+    /// Writes the condition that the event before has begun and a phase's end has come.
     fn behind(&self, xml: &mut Xml, name: &str, i: usize, until: &Until) {
         let before = format!("{name}_{}", i - 1);
         let begun = |xml: &mut Xml, state: &str, delay_s: f64| {
@@ -500,7 +500,7 @@ impl Teller<'_> {
                     Until::Driven { m } => condition(xml, &own, 0.0, |xml| {
                         by_entity(xml, name, |xml| xml.empty("TraveledDistanceCondition", &[("value", &decimal(*m))]));
                     }),
-                    // The others were told in other words before.
+                    // The others were expressed before in other ways.
                     Until::Forever | Until::NearRoute { .. } | Until::Lasted { .. } => {}
                 }
             });
@@ -508,7 +508,7 @@ impl Teller<'_> {
     }
 }
 
-/// About how fast somebody is who is asked for a speed, m/s.
+/// Returns the approximate speed of a road user for a requested speed, m/s.
 fn about_mps(speed: &Speed) -> f64 {
     let mps = match speed {
         Speed::Constant { mps } | Speed::MatchEgo { mps_max: mps } | Speed::Intercept { mps_max: mps, .. } => *mps,
@@ -517,7 +517,7 @@ fn about_mps(speed: &Speed) -> f64 {
     mps.max(0.5)
 }
 
-/// The straight way of a script, turned by an angle.
+/// Returns the straight way of a script, turned by an angle.
 fn straight(script: &Script, left_rad: f64) -> Vec<Vec2> {
     let axis = Vec2::from_heading(script.spawn.heading_rad + left_rad);
     vec![script.spawn.position, script.spawn.position + axis * STRAIGHT_M]
@@ -562,7 +562,7 @@ mod tests {
         String::from_utf8(triggered(&scene(), scripts, (town, "road.xodr"), revision).unwrap().xosc).unwrap()
     }
 
-    /// All elements of a name, in document order, each with what stands inside.
+    /// Finds all elements of a name, in document order, each with its contents.
     fn all<'d>(element: Element<'d>, name: &str, found: &mut Vec<Element<'d>>) {
         for child in element.children() {
             if child.name() == name {
@@ -621,7 +621,7 @@ mod tests {
                 behind.len(),
                 "and only behind the first"
             );
-            // Frozen is nobody: the ego has no way but its route, and no way has times.
+            // Nobody follows a frozen motion: the ego has no way but its route, and no way has times.
             assert_eq!(named(&document, "FollowTrajectoryAction").len(), 1);
             assert_eq!((named(&document, "Timing").len(), named(&document, "AssignControllerAction").len()), (0, 1));
             assert_eq!(named(&document, "Waypoint").len(), WAYPOINTS_MAX);

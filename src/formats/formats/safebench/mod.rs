@@ -1,5 +1,5 @@
 //! SafeBench's traffic families on CARLA's towns: route files (XML), scenario files (JSON) and the towns' OpenDRIVE
-//! together give scenes. A route file says where the ego drives. The scenario file of its family says where the
+//! together give scenes. A route file gives the ego's way. The scenario file of its family says where the
 //! scenario starts and where the actors of families 5 to 8 stand. CARLA's frame is left-handed with yaw clockwise in
 //! degrees: (x, y, yaw) becomes (x, -y, -yaw).
 
@@ -21,11 +21,11 @@ pub use events::Events;
 
 use self::pose::pose;
 
-/// Waypoints of one route.
+/// Most waypoints of one route.
 const WAYPOINTS_MAX: usize = 64;
-/// Routes of one file.
+/// Most routes of one file.
 const ROUTES_MAX: usize = 16;
-/// A trigger belongs to a route that passes it within this distance, metres.
+/// Largest distance between a trigger and a route that it belongs to, metres.
 const TRIGGER_WITHIN_M: f64 = 5.0;
 
 /// The files that routes need: roads of towns by name, and events of all scenario files.
@@ -58,13 +58,13 @@ impl Library {
     }
 }
 
-/// Whether a text is a scenario file.
+/// Returns `true` if a text is a scenario file.
 pub fn looks_like_scenarios(head: &[u8]) -> bool {
     let needle = b"\"available_scenarios\"";
     head.windows(needle.len()).any(|window| window == needle)
 }
 
-/// The scenes of a route file `scenario_<family>_route_<number>.xml`. Routes whose town is not in the library, or that
+/// Returns the scenes of a route file `scenario_<family>_route_<number>.xml`. Routes whose town is not in the library, or that
 /// cannot be followed on its road, are left out with the reason.
 ///
 /// # Errors The file has another name, or is not a route file.
@@ -102,7 +102,7 @@ pub fn import(file: &str, bytes: &[u8], library: &Library) -> Result<Imported, I
     Ok(imported)
 }
 
-/// Family and route number in a file's name.
+/// Returns family and route number in a file's name.
 fn named(file: &str) -> Option<(TrafficFamily, u32)> {
     let (family, route) = file.strip_prefix("scenario_")?.strip_suffix(".xml")?.split_once("_route_")?;
     let digits = |text: &str| !text.is_empty() && text.len() <= 6 && text.bytes().all(|b| b.is_ascii_digit());
@@ -119,7 +119,7 @@ struct Place<'f> {
 }
 
 impl Place<'_> {
-    /// The scene, or why there is none.
+    /// Returns the scene, or why there is none.
     fn scene(&self, route: &Element<'_>, library: &Library) -> Result<Result<Scene, String>, ImportError> {
         let town = route.needed_attribute("town")?;
         let waypoints = waypoints(route)?;
@@ -152,7 +152,7 @@ impl Place<'_> {
                 self.family.number()
             )
         })?;
-        // The trigger faces along the route; its own yaw is only roughly so.
+        // The trigger faces along the route; its own yaw is only approximate.
         let at = route.project(event.trigger.position);
         let trigger = Pose { position: route.at(at.s_m), heading_rad: num::wrap_angle(route.heading_at(at.s_m)) };
         let mut staging = Staging { family: self.family, route: self.number, trigger, spawns: vec![] };

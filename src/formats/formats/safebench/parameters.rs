@@ -1,5 +1,5 @@
 //! SafeBench's files of scenario parameters, and ChatScene's: lists of scenarios (`scenario_type/*.json`), control sequences,
-//! optimised ranges. Bytes to plain data and back; what the numbers do is said where a program is made of them.
+//! optimised ranges. Bytes to plain data and back; the meaning of the numbers is explained where a program is made of them.
 
 use std::collections::BTreeMap;
 
@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 use crate::formats::import_error::{ImportError, shown};
 use crate::scene::safebench::TrafficFamily;
 
-/// The benchmark's files have less than 1 MiB.
+/// Most bytes of a file. The benchmark's files have less than 1 MiB.
 const BYTES_MAX: usize = 16 << 20;
-/// Entries of one list, sequences and ranges of one file.
+/// Most entries of one list, and most sequences and ranges of one file.
 const ENTRIES_MAX: usize = 100_000;
-/// Numbers of a control sequence: one for each tick of 0.1 s.
+/// Count of numbers of a control sequence: one for each tick of 0.1 s.
 pub const SEQUENCE_VALUES: usize = 100;
-/// Parameters lie within this.
+/// Largest absolute value of a parameter.
 const VALUE_MAX: f64 = 1e6;
 
 /// One scenario of a list.
@@ -26,14 +26,14 @@ pub struct Entry {
     pub data_id: u32,
     /// The method: SafeBench's folder of scenario classes.
     pub scenario_folder: String,
-    /// 1 to 8.
+    /// Number of the scenario, 1 to 8.
     pub scenario_id: usize,
     /// Number of the route.
     pub route_id: u32,
     /// Null in the benchmark's own files.
     #[serde(default)]
     pub risk_level: Option<f64>,
-    /// What the method is told.
+    /// Parameters for the method.
     pub parameters: Parameters,
 }
 
@@ -41,7 +41,7 @@ pub struct Entry {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Parameters {
-    /// In the order of the scenario's class (Human).
+    /// Numbers in the order of the scenario's class (Human).
     Numbers(Vec<f64>),
     /// Name of the file that holds them, below a folder of the scenario's number (AdvSim, AT).
     File(String),
@@ -65,7 +65,7 @@ pub struct Range {
 /// ChatScene's ranges: `OPT_behavior_<b>_opt_ROUTE-<r>` -> `opt_time_<t>` -> `OPT_*` -> bounds.
 pub type OptimisedRanges = BTreeMap<String, BTreeMap<String, BTreeMap<String, Range>>>;
 
-/// What a file of parameters holds.
+/// Content of a file of parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ParameterFile {
     /// A list of scenarios.
@@ -78,21 +78,21 @@ pub enum ParameterFile {
     Ranges(OptimisedRanges),
 }
 
-/// Key of the entry for a behaviour on a route.
+/// Returns the key of the entry for a behaviour on a route.
 pub fn behaviour_key(behaviour: usize, route: u32) -> String {
     format!("OPT_behavior_{behaviour}_opt_ROUTE-{route}")
 }
 
-/// Key of the ranges after a number of steps.
+/// Returns the key of the ranges after a number of steps.
 pub fn step_key(step: usize) -> String {
     format!("opt_time_{step}")
 }
 
 impl ParameterFile {
-    /// Reads a file; which of the four it is says its content.
+    /// Reads a file, and recognises by its content which of the four it is.
     ///
     /// # Errors
-    /// No such file, or a number that is out of bounds, with its place.
+    /// It is no such file, or a number is out of bounds, with its place.
     pub fn read(file: &str, bytes: &[u8]) -> Result<ParameterFile, ImportError> {
         let refuse = |place: &str, expected: String| ImportError::new(file, place, expected, REMEDY);
         if bytes.len() > BYTES_MAX {
@@ -132,7 +132,7 @@ impl ParameterFile {
     }
 }
 
-/// What to do about a file that is none of these.
+/// Advice for a file that is none of these.
 const REMEDY: &str =
     "name a scenario list, a file of control sequences or of optimised ranges, as the benchmark ships them";
 
@@ -167,7 +167,7 @@ fn entries(file: &str, items: &[serde_json::Value]) -> Result<Vec<Entry>, Import
     Ok(entries)
 }
 
-/// One sequence: 100 numbers from 0 to 1.
+/// Reads one sequence: 100 numbers from 0 to 1.
 fn sequence(file: &str, place: &str, value: serde_json::Value) -> Result<Vec<f64>, ImportError> {
     let values: Vec<f64> = typed(file, place, value, "a list of numbers")?;
     let refuse = |expected: String| Err(ImportError::new(file, place, expected, REMEDY));
@@ -210,7 +210,7 @@ fn ranges(file: &str, of: &Object) -> Result<OptimisedRanges, ImportError> {
     let mut read = OptimisedRanges::new();
     for (name, steps) in of {
         let steps: Object = typed(file, &shown(name), steps.clone(), "steps of optimised ranges")?;
-        // Which samples were kept says nothing about the ranges.
+        // The list of kept samples says nothing about the ranges.
         for (step, of_step) in steps.into_iter().filter(|(step, _)| step != "select_id") {
             let place = format!("{}, {}", shown(name), shown(&step));
             let of_step: BTreeMap<String, Range> = typed(file, &place, of_step, "ranges with low and high")?;
@@ -226,7 +226,7 @@ fn ranges(file: &str, of: &Object) -> Result<OptimisedRanges, ImportError> {
     Ok(read)
 }
 
-/// A value as the benchmark's files are written: indented JSON.
+/// Writes a value as in the benchmark's files: indented JSON.
 ///
 /// # Errors
 /// A number that is not finite.

@@ -1,4 +1,4 @@
-//! MetaDrive and ScenarioNet scene descriptions, whatever file they stand in: Waymo, nuScenes and others in one schema.
+//! MetaDrive and ScenarioNet scene descriptions, in any file form: Waymo, nuScenes and others in one schema.
 
 use super::pickle::{Node, Numbers};
 use crate::formats::assemble::assembled;
@@ -18,15 +18,15 @@ const SAMPLES_MAX: usize = 4_000_000;
 const FEATURES_MAX: usize = 50_000;
 /// Most links, neighbours or lanes of one element.
 const LINKS_MAX: usize = 64;
-/// Points of all map features together: arrays may be shared, so the file's size does not bound them.
+/// Most points of all map features together: arrays may be shared, so the file's size does not bound them.
 const POINTS_MAX: usize = 8_000_000;
 /// The current step if the file does not name one: after one second of history, as in Waymo's data.
 const CURRENT_UNSAID: usize = 10;
 const MPH_IN_MPS: f64 = 0.44704;
-/// What a reader says of a part that it leaves out.
+/// A reader's words on the rest when it leaves out a part.
 const REST_KEPT: &str = "the rest of the scene is kept";
 
-/// The log of a description, whether it was a pickle or JSON. Parts that cannot be read are left out in `imported`.
+/// Returns the log of a description from a pickle or JSON. Parts that cannot be read are left out in `imported`.
 pub(super) fn log_of(
     file_name: &str,
     root: &Node<'_>,
@@ -65,7 +65,7 @@ pub(super) fn log_of(
     Ok(log)
 }
 
-/// Adds a log as a scene, or as something left out.
+/// Adds a log as a scene, or as a part left out.
 pub(in crate::formats) fn finish(file_name: &str, log: Log, conventions: Conventions, imported: &mut Imported) {
     let id = log.id.clone();
     let (log, differ) = log.timed(conventions.times);
@@ -118,7 +118,7 @@ fn ids(node: &Node<'_>) -> Vec<String> {
     items.take(LINKS_MAX).filter_map(|item| item.id().map(|id| id.to_string())).collect()
 }
 
-/// The tracks that can be read; the one of the ego must be.
+/// Returns the tracks that can be read; the one of the ego must be.
 fn tracks(node: &Node<'_>, steps: usize, ego: &str, imported: &mut Imported) -> Result<Vec<LogTrack>, ImportError> {
     let entries = node.entries().ok_or_else(|| node.refuse("a dictionary of tracks"))?;
     if entries.len().saturating_mul(steps) > SAMPLES_MAX {
@@ -135,7 +135,7 @@ fn tracks(node: &Node<'_>, steps: usize, ego: &str, imported: &mut Imported) -> 
     Ok(tracks)
 }
 
-/// A value that is no number stays one: a sample is dropped later, or filled in from the others.
+/// Reads a track. NaN stays NaN: its sample is dropped later, or filled in from the others.
 fn track(id: &str, entry: &Node<'_>, steps: usize) -> Result<LogTrack, ImportError> {
     let state = entry.needed("state")?;
     let table = |name: &str, columns: usize| -> Result<Numbers<'_>, ImportError> {
@@ -172,7 +172,7 @@ fn track(id: &str, entry: &Node<'_>, steps: usize) -> Result<LogTrack, ImportErr
     })
 }
 
-/// Median of a size over the observed samples; 0 if there is none.
+/// Returns the median of a size over the observed samples; 0 if there is none.
 fn median(state: &Node<'_>, name: &str, samples: &[Option<Sample>]) -> f64 {
     let Some(node) = state.get(name) else { return 0.0 };
     if let Some(number) = node.number() {
@@ -234,13 +234,13 @@ fn add_feature(
     Ok(())
 }
 
-/// A single place is one row of coordinates, which is read as a column.
+/// Reads a single place: one row of coordinates, which is read as a column.
 fn place(table: &Numbers<'_>) -> Vec2 {
     let (x, y) = if table.columns > 1 { (table.at(0, 0), table.at(0, 1)) } else { (table.at(0, 0), table.at(1, 0)) };
     Vec2::new(x, y)
 }
 
-/// The points of a line; one that is no place is left out later. `left` becomes 0 where there are too many in all.
+/// Returns the points of a line; points that are no places are left out later. `left` becomes 0 where there are too many in all.
 fn line(feature: &Node<'_>, name: &str, left: &mut usize) -> Result<Vec<Vec2>, ImportError> {
     let node = feature.needed(name)?;
     if node.items().is_some_and(|items| items.len() == 0) {
@@ -294,11 +294,11 @@ fn lane(
     })
 }
 
-/// The speed limit of a lane: a number, or a text that may name its unit.
+/// Returns the speed limit of a lane: a number, or a text that may name its unit.
 fn limit(id: &str, feature: &Node<'_>, imported: &mut Imported) -> Option<f64> {
     let (mph, kmh) = (feature.get("speed_limit_mph"), feature.get("speed_limit_kmh"));
     let number = |node: &Option<Node<'_>>| node.as_ref().and_then(|node| node.number());
-    // A limit of 0, and infinity, say that there is none.
+    // A limit of 0, or infinity, means that there is none.
     let plain = number(&mph).map(|v| v * MPH_IN_MPS).or(number(&kmh).map(|v| v / 3.6));
     if plain.is_some() {
         return plain.filter(|v| v.is_finite() && *v > 0.0 && *v <= SPEED_MAX_MPS);
@@ -310,7 +310,7 @@ fn limit(id: &str, feature: &Node<'_>, imported: &mut Imported) -> Option<f64> {
     imported.read(&format!("speed limit of lane {}", shown(id)), limit, "the lane is kept without it")
 }
 
-/// The neighbours of a side, the one that is beside the lane for the longest way first; plain ids in their order.
+/// Returns the neighbours of a side, the one that is beside the lane for the longest way first; plain ids in their order.
 fn beside(node: &Node<'_>) -> Vec<String> {
     let mut side: Vec<(usize, String)> = Vec::new();
     for item in node.items().into_iter().flatten().take(LINKS_MAX) {

@@ -1,4 +1,4 @@
-//! What MetaDrive's `ScenarioEnv` and ScenarioNet load: a scene's description as a pickle with numpy arrays, and the two
+//! Writes files for MetaDrive's `ScenarioEnv` and ScenarioNet: a scene's description as a pickle with numpy arrays, and the two
 //! files that make a folder of them a data set.
 //!
 //! The pickle is the JSON description, so it is imported as the same scene.
@@ -12,13 +12,13 @@ use super::pickle::{self, Lists, Node};
 use crate::formats::import_error::ImportError;
 use crate::kernel::{Vec2, num};
 
-/// Road users who drive further than this count as moving in a data set's summary, as MetaDrive has it, metres.
+/// Distance beyond which a road user counts as moving in a data set's summary, as in MetaDrive, metres.
 const MOVING_M: f64 = 1.0;
 
-/// The files that MetaDrive and ScenarioNet look for beside pickles: their folders, and what is in them.
+/// Files that MetaDrive and ScenarioNet look for beside pickles: the folders of the pickles, and their contents.
 pub const DATA_SET_FILES: [&str; 2] = ["dataset_mapping.pkl", "dataset_summary.pkl"];
 
-/// The name of the pickle of a scene: MetaDrive reads no other ones.
+/// Returns the name of the pickle of a scene: MetaDrive reads no others.
 pub fn pickle_name(scene_name: &str) -> String {
     format!("sd_{scene_name}.pkl")
 }
@@ -32,13 +32,13 @@ pub struct Pickled {
     pub summary: Value,
 }
 
-/// What a data set's summary repeats of a description.
+/// The part of a description that a data set's summary repeats.
 #[derive(Deserialize)]
 struct Head {
     metadata: Map<String, Value>,
 }
 
-/// The pickle of a description that [`super::export`] wrote.
+/// Returns the pickle of a description that [`super::export`] wrote.
 ///
 /// # Errors The bytes are no description.
 pub fn pickled(description: &[u8]) -> Result<Pickled, ImportError> {
@@ -81,7 +81,7 @@ pub fn pickled(description: &[u8]) -> Result<Pickled, ImportError> {
         // A scene is flat.
         "map_height_diff": 0.0,
     });
-    // MetaDrive sorts the scenes of a curriculum by what a pickle itself says of them.
+    // MetaDrive sorts the scenes of a curriculum by the summaries in the pickles themselves.
     let summaries = json!({"object_summary": objects, "number_summary": number_summary});
     let summarised =
         with_metadata(description, &summaries).ok_or_else(|| root.refuse("a description with metadata"))?;
@@ -91,7 +91,7 @@ pub fn pickled(description: &[u8]) -> Result<Pickled, ImportError> {
     Ok(Pickled { bytes, summary: Value::Object(summary) })
 }
 
-/// The description's text with further keys in its metadata. Every other byte stays, so no number is read and written again.
+/// Returns the description's text with further keys in its metadata. Every other byte stays, so no number is read and written again.
 fn with_metadata(description: &[u8], further: &Value) -> Option<Vec<u8>> {
     // A quote inside a text has a backslash before it, so this is the key and no part of an id.
     const KEY: &[u8] = b",\"metadata\":{";
@@ -101,7 +101,7 @@ fn with_metadata(description: &[u8], further: &Value) -> Option<Vec<u8>> {
     Some([&description[..at], inside.as_bytes(), b",", &description[at..]].concat())
 }
 
-/// A road user's kind, how long it is seen, and how far it moves, metres.
+/// Returns a road user's kind, the time that it is seen, and the way that it moves, metres.
 fn object_summary(id: &str, kind: &str, state: &Node<'_>) -> Result<(Value, f64), ImportError> {
     let (places, valid) = (state.needed("position")?.needed_numbers()?, state.needed("valid")?.needed_numbers()?);
     let seen: Vec<usize> = (0..valid.rows).filter(|&k| valid.at(k, 0) > 0.5).collect();
@@ -131,7 +131,7 @@ impl DataSet {
         self.summaries.insert(file.into(), summary);
     }
 
-    /// The [`DATA_SET_FILES`]; none without scenes.
+    /// Returns the [`DATA_SET_FILES`]; none without scenes.
     pub fn files(&self) -> Vec<(&'static str, Vec<u8>)> {
         if self.summaries.is_empty() {
             return vec![];
@@ -150,7 +150,7 @@ impl DataSet {
     }
 }
 
-/// Whether a pickle is one of a data set's [`DataSet::files`]: a dictionary by the names of pickles.
+/// Returns `true` if a pickle is one of a data set's [`DataSet::files`]: a dictionary by the names of pickles.
 pub(super) fn is_of_data_set(root: &Node<'_>) -> bool {
     root.entries().is_some_and(|entries| !entries.is_empty() && entries.iter().all(|(file, _)| file.ends_with(".pkl")))
 }

@@ -1,4 +1,4 @@
-//! The entries of a zip file whose bytes stand in it as they are, which is how `torch.save` writes them.
+//! The entries of a zip file whose bytes are stored without compression, which is how `torch.save` writes them.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -7,12 +7,12 @@ use flate2::Crc;
 
 use crate::formats::import_error::{ImportError, shown};
 
-/// Entries of one file.
+/// Most entries of one file.
 const ENTRIES_MAX: usize = 65_534;
-/// Bytes of the record at the end, and the most that a comment behind it may have.
+/// Number of bytes of the record at the end, and the most that a comment behind it may have.
 const END_BYTES: usize = 22;
 const COMMENT_MAX: usize = 65_535;
-/// Bytes of an entry in the list, and before its data, each without names.
+/// Number of bytes of an entry in the list, and before its data, each without names.
 const LISTED_BYTES: usize = 46;
 const LOCAL_BYTES: usize = 30;
 
@@ -37,12 +37,12 @@ impl<'a> Zip<'a> {
         Ok(zip)
     }
 
-    /// Names of its entries.
+    /// Returns the names of its entries.
     pub fn names(&self) -> impl Iterator<Item = &'a str> + '_ {
         self.entries.keys().copied()
     }
 
-    /// The bytes of an entry, compared with the sum that the file gives.
+    /// Returns the bytes of an entry, compared with the sum that the file gives.
     ///
     /// # Errors
     /// No such entry, or other bytes than were written.
@@ -64,7 +64,7 @@ impl<'a> Zip<'a> {
         ImportError::new(self.file, shown(place), expected, "fetch or write the file again, with torch.save")
     }
 
-    /// Where the list begins, and how many entries it has.
+    /// Returns the start of the list, and the number of its entries.
     fn list(&self) -> Result<(usize, usize), ImportError> {
         let length = self.bytes.len();
         let from = length.saturating_sub(END_BYTES + COMMENT_MAX);
@@ -82,7 +82,7 @@ impl<'a> Zip<'a> {
         Ok((list, count))
     }
 
-    /// Adds the entry whose line in the list stands at `at`; where the next one stands.
+    /// Adds the entry whose line in the list begins at `at`, and returns the start of the next one.
     fn add(&mut self, at: usize) -> Result<usize, ImportError> {
         let broken = || self.refuse(&format!("byte {at}"), "an entry of a zip file's list");
         let number = |from: usize, bytes: usize| self.number(at + from, bytes).ok_or_else(broken);
@@ -116,7 +116,7 @@ impl<'a> Zip<'a> {
         Ok(name_range.end + extra + comment)
     }
 
-    /// A whole number of at most four bytes.
+    /// Reads a whole number of at most four bytes.
     fn number(&self, at: usize, bytes: usize) -> Option<usize> {
         let raw = self.bytes.get(at..at.checked_add(bytes)?)?;
         Some(raw.iter().rev().fold(0, |sum, byte| (sum << 8) | usize::from(*byte)))

@@ -19,7 +19,7 @@ use crate::kernel::{Vec2, num};
 use crate::scene::validate::STEPS_MAX;
 use crate::scene::{AgentKind, LaneKind, LightState, Origin, Sample, Scene};
 
-/// Published records have up to 4 MiB without their lidar.
+/// Most bytes of a record. Published records have up to 4 MiB without their lidar.
 const RECORD_BYTES_MAX: usize = 16 << 20;
 /// Most parts of a record by field: tracks, light states over time, map features. Two bytes in the file can become 200
 /// bytes in memory.
@@ -27,7 +27,7 @@ const PARTS_MAX: [(u64, usize, &str); 3] =
     [(2, 20_000, "tracks"), (7, STEPS_MAX, "dynamic_map_states"), (8, 50_000, "map_features")];
 /// Most light states of a record.
 const LIGHT_STATES_MAX: usize = 4_000_000;
-/// Samples, light states and map points of all records of a file together; a published file has a tenth.
+/// Most samples, light states and map points of all records of a file together; a published file has a tenth.
 const FILE_PARTS_MAX: usize = 32_000_000;
 /// Smallest amount that a record, track or light counts against that limit, however little it holds.
 const PART_MIN: usize = 16;
@@ -206,7 +206,7 @@ pub struct BoundarySegment {
     boundary_feature_id: i64,
 }
 
-/// All scenarios of a record file. A record that is not a valid scenario is left out. Where the file's structure is
+/// Returns all scenarios of a record file. A record that is not a valid scenario is left out. Where the file's structure is
 /// damaged, reading ends, and the records before are kept.
 ///
 /// # Errors
@@ -215,7 +215,7 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     import_as(file_name, bytes, Conventions::default())
 }
 
-/// [`import`] with fields read in these conventions.
+/// Does the same as [`import`] with fields read in these conventions.
 ///
 /// # Errors
 /// As [`import`].
@@ -266,7 +266,7 @@ fn read(file_name: &str, bytes: &[u8], conventions: Conventions, parts_max: usiz
     Ok(imported)
 }
 
-/// Whether a record is of Waymo's older form, a map from names of features to lists.
+/// Returns `true` if a record is of Waymo's older form, a map from names of features to lists.
 fn is_tf_example(data: &[u8]) -> bool {
     const NAMES: [&[u8]; 3] = [b"roadgraph_samples/", b"state/current/", b"scenario/id"];
     data.first() == Some(&0x0a) && NAMES.iter().any(|name| data.windows(name.len()).any(|window| window == *name))
@@ -331,7 +331,7 @@ fn scenario(file: &str, index: usize, data: &[u8], imported: &mut Imported) -> R
     Ok(log)
 }
 
-/// How often a field of length-delimited content occurs in a message. `None` if the message is malformed or has a
+/// Returns how often a field of length-delimited content occurs in a message. `None` if the message is malformed or has a
 /// group, which no published message has.
 fn count_of(message: &[u8], wanted: u64) -> Option<usize> {
     let mut rest = message;
@@ -381,7 +381,7 @@ fn track(track: &Track) -> LogTrack {
     }
 }
 
-/// The error is what was expected.
+/// Reads the lights. The error says what was expected.
 fn lights(given: &[DynamicMapState], steps: usize) -> Result<Vec<LogLight>, String> {
     let mut lights: BTreeMap<i64, LogLight> = BTreeMap::new();
     for (step, state) in given.iter().take(steps).enumerate() {
@@ -447,15 +447,15 @@ fn lane(id: i64, lane: &LaneCenter, borders: &BTreeMap<i64, &[MapPoint]>, effort
     }
 }
 
-/// The neighbours of a side, the one that is beside the lane for the longest way first.
+/// Returns the neighbours of a side, the one that is beside the lane for the longest way first.
 fn beside(neighbours: &[LaneNeighbor]) -> Vec<String> {
     let mut side: Vec<&LaneNeighbor> = neighbours.iter().take(LINKS_MAX).collect();
     side.sort_by_key(|n| std::cmp::Reverse(i64::from(n.self_end_index) - i64::from(n.self_start_index)));
     side.into_iter().map(|n| n.feature_id.to_string()).collect()
 }
 
-/// The thinned centre line with the distance to the border features that the lane names for each stretch. Where a point is
-/// no place nothing is thinned: it is left out later.
+/// Returns the thinned centre line with the distance to the border features that the lane names for each stretch. If a point is
+/// no place, nothing is thinned: the point is left out later.
 fn across(lane: &LaneCenter, borders: &BTreeMap<i64, &[MapPoint]>, effort: &mut usize) -> Vec<Across> {
     let plain: Vec<Across> = lane.polyline.iter().map(|p| Across::new(place(p), 0.0, 0.0)).collect();
     let whole = plain.iter().all(|p| p.centre.is_finite());
@@ -463,7 +463,7 @@ fn across(lane: &LaneCenter, borders: &BTreeMap<i64, &[MapPoint]>, effort: &mut 
     let mut from = 0;
     thin.iter()
         .map(|point| {
-            // Thinned points stand in the same order in the original, whose indices the borders refer to.
+            // Thinned points have the same order as in the original, whose indices the borders refer to.
             let index = from + plain[from..].iter().position(|p| p.centre == point.centre).unwrap_or(0);
             from = if whole { index } else { index + 1 };
             let mut to_border = |segments: &[BoundarySegment]| {
@@ -528,7 +528,7 @@ pub(super) mod tests {
         LaneState { lane, state: 4, stop_point: None }
     }
 
-    /// A car crossing the path of another, and a pedestrian.
+    /// Makes a car crossing the path of another, and a pedestrian.
     pub fn message() -> Scenario {
         let border = |lane_start_index, lane_end_index, boundary_feature_id| BoundarySegment {
             lane_start_index,
@@ -581,7 +581,7 @@ pub(super) mod tests {
         }
     }
 
-    /// The record of a scene.
+    /// Makes the record of a scene.
     pub fn message_of(scene: &Scene) -> Scenario {
         let state = |track: &crate::scene::Track, sample: Option<&Sample>| {
             let Sample { position, heading_rad, velocity } = sample.copied().unwrap_or_default();

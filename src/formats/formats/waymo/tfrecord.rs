@@ -13,12 +13,12 @@ pub struct Records<'a> {
 }
 
 impl<'a> Records<'a> {
-    /// The records of a file's bytes.
+    /// Returns the records of a file's bytes.
     pub fn of(file: &'a str, bytes: &'a [u8]) -> Records<'a> {
         Records { file, bytes, at: 0 }
     }
 
-    /// Whether bytes begin like a record file, that is, the first length matches its checksum.
+    /// Returns `true` if bytes begin like a record file, that is, the first length matches its checksum.
     pub fn looks_like(bytes: &[u8]) -> bool {
         let check = bytes.get(8..HEAD_BYTES).and_then(|b| b.first_chunk()).map(|b| u32::from_le_bytes(*b));
         bytes.get(..8).is_some_and(|length| check == Some(masked_crc(length)))
@@ -67,13 +67,13 @@ impl<'a> Iterator for Records<'a> {
     }
 }
 
-/// CRC-32C, rotated and shifted as TensorFlow does so that a checksum of checksums stays useful.
+/// Returns the CRC-32C, rotated and shifted as TensorFlow does so that a checksum of checksums stays useful.
 fn masked_crc(bytes: &[u8]) -> u32 {
     let crc = !bytes.iter().fold(!0u32, |crc, &byte| CRC32C[((crc ^ u32::from(byte)) & 0xff) as usize] ^ (crc >> 8));
     crc.rotate_right(15).wrapping_add(0xa282_ead8)
 }
 
-/// Castagnoli's polynomial, reflected.
+/// Table of Castagnoli's polynomial, reflected.
 const CRC32C: [u32; 256] = {
     let mut table = [0u32; 256];
     let mut k = 0;
@@ -90,7 +90,7 @@ const CRC32C: [u32; 256] = {
     table
 };
 
-/// A record file of the given records.
+/// Makes a record file of the given records.
 #[cfg(test)]
 pub(in crate::formats) fn written(records: &[Vec<u8>]) -> Vec<u8> {
     let mut out = Vec::new();
@@ -102,7 +102,7 @@ pub(in crate::formats) fn written(records: &[Vec<u8>]) -> Vec<u8> {
     out
 }
 
-/// A record's length with its checksum.
+/// Writes a record's length with its checksum.
 #[cfg(test)]
 pub(in crate::formats) fn head(length: u64) -> Vec<u8> {
     let length = length.to_le_bytes();

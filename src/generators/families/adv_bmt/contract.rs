@@ -1,4 +1,4 @@
-//! What a program of the family may contain, and its parent.
+//! Defines what a program of the family may contain, and its parent.
 
 use super::words::{INSERTED_ACTOR, NAME, REJECTION, REVERSE_TOKENS};
 use crate::adapters::{Family, OperatorSpec};

@@ -31,15 +31,15 @@ const CURVATURE_OVER_M: f64 = 5.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Preference {
     pub acceleration_scale_mps2: f64,
-    /// Of the yaw rate that the lane does not ask for.
+    /// Scale of the yaw rate that the lane does not ask for.
     pub yaw_scale_radps: f64,
     pub lane_scale_m: f64,
     pub heading_scale_rad: f64,
-    /// Of the difference to half the speed limit.
+    /// Scale of the difference to half the speed limit.
     pub speed_scale_mps: f64,
-    /// Of the depth of the body beside the road.
+    /// Scale of the depth of the body beside the road.
     pub road_scale_m: f64,
-    /// Of the change of acceleration and yaw rate from one token to the next: what a model that has seen motion expects.
+    /// Scales of the change of acceleration and yaw rate from one token to the next: what a model that has seen motion expects.
     pub acceleration_change_mps2: f64,
     pub yaw_change_radps: f64,
 }
@@ -119,7 +119,7 @@ impl<'a> Reverse<'a> {
             let lane = self.lane(before.position, before.heading_rad);
             let astray = lane.map_or(0.0, |lane| num::wrap_angle(before.heading_rad - lane.heading_rad));
             let by_heading = half_square(astray / p.heading_scale_rad);
-            // Where a token's acceleration moves the state before, seen across the lane: one query serves all of them.
+            // Share of a token's move by acceleration that goes across the lane: one query serves all of them.
             let across = lane.map_or(0.0, |lane| num::sin(mean_heading - lane.heading_rad));
             let direction = Vec2::from_heading(mean_heading);
             let yaw_jump = later.map_or(0.0, |later| half_square((yaw - later.yaw_rate_radps) / p.yaw_change_radps));
@@ -172,7 +172,7 @@ impl<'a> Reverse<'a> {
             / CURVATURE_OVER_M
     }
 
-    /// Whether the token leads back through another road user, half way or at its beginning.
+    /// Returns `true` if the token leads back through another road user, half way or at its beginning.
     fn is_blocked(&self, state: &State, later: Option<Control>, control: Control, step: usize) -> bool {
         let mut earlier = [*state; TOKEN_STEPS + 1];
         for k in 0..TOKEN_STEPS {

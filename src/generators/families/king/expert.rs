@@ -16,10 +16,10 @@ const BRAKING_MPS2: [f64; 3] = [3.0, 5.0, 8.0];
 const HURRY_MPS2: [f64; 2] = [1.5, 3.0];
 /// It begins to brake now or a multiple of this later, steps.
 const ONSET_STEPS: usize = 5;
-/// Whoever is farther than this from the whole undisturbed way is not looked at, metres.
+/// Road users farther than this from the whole undisturbed way are ignored, metres.
 const NEAR_M: f64 = 40.0;
 
-/// Whether the rule expert gets through the movers' motions and the recorded traffic without contact.
+/// Returns `true` if the rule expert gets through the movers' motions and the recorded traffic without contact.
 pub fn solves(situation: &Situation, movers: &[Mover], bystanders: &Bystanders) -> bool {
     let steps = covered(movers);
     let first = steps.start.saturating_sub(1);
@@ -36,7 +36,7 @@ pub fn solves(situation: &Situation, movers: &[Mover], bystanders: &Bystanders) 
     onsets().any(brakes) || HURRY_MPS2.iter().any(|by| task.is_free(|_| *by))
 }
 
-/// What is in the expert's way.
+/// Obstacles in the expert's way.
 struct Task {
     way: Vec<Sample>,
     /// Way driven up to each sample, metres.
@@ -66,7 +66,7 @@ impl Task {
         Task { way, lengths, obstacles, length_m, width_m }
     }
 
-    /// Whether nobody is touched where the ego drives its way with this added to what it did, m/s² at each step.
+    /// Returns `true` if nobody is touched when the ego drives its way with this added to what it did, m/s² at each step.
     fn is_free(&self, added_mps2: impl Fn(usize) -> f64) -> bool {
         let (mut gained_mps, mut way_m) = (0.0, 0.0);
         let mut piece = 0;

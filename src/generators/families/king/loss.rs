@@ -30,14 +30,14 @@ pub struct Loss<'a> {
     pub departure_sigma_m: f64,
     pub repulsion_weight: f64,
     pub repulsion_m_max: f64,
-    /// Of the deepest approach of each adversary to a bystander; of the width of `repulsion_m_max` beside both bodies.
+    /// Weight of the deepest approach of each adversary to a bystander, within `repulsion_m_max` beside both bodies.
     pub bystander_weight: f64,
     pub bystanders: &'a Bystanders,
     /// `None`: nothing is off the road.
     pub field: Option<&'a RoadField>,
     /// How far a corner of each mover may be off the road, metres: see [`departures_allowed_m`].
     pub off_road_m_max: Vec<f64>,
-    /// Whether the movers overlap each other where they follow their records.
+    /// True if the movers overlap each other where they follow their records.
     pub overlapping_at_record: bool,
 }
 
@@ -55,7 +55,7 @@ fn off_road_m(field: Option<&RoadField>, body: &OrientedBox) -> f64 {
     field.map_or(0.0, |field| field.departure_m(body))
 }
 
-/// Whether two movers overlap at a scene step.
+/// Returns `true` if two movers overlap at a scene step.
 fn overlap_at(movers: &[Mover], step: usize) -> bool {
     let body = |mover: &Mover| mover.index(step).map(|k| mover.boxes[k]);
     let pairs = movers.iter().enumerate().flat_map(|(i, one)| movers[i + 1..].iter().map(move |other| (one, other)));
@@ -65,7 +65,7 @@ fn overlap_at(movers: &[Mover], step: usize) -> bool {
     })
 }
 
-/// Whether movers run into each other at any time.
+/// Returns `true` if movers run into each other at any time.
 pub fn overlap(movers: &[Mover]) -> bool {
     covered(movers).any(|step| overlap_at(movers, step))
 }

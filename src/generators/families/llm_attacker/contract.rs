@@ -1,4 +1,4 @@
-//! What a program of the family may contain, and its parent.
+//! Defines what a program of the family may contain, and its parent.
 
 use super::words::{ATTACKER_POOL, ATTACKER_PRIOR, COUNSEL_RANK, COUNSEL_WEIGHT, DELIBERATION, NAME, PRIOR};
 use crate::adapters::{Family, Feature, OperatorSpec, ParameterSpec, vocabulary};
@@ -86,7 +86,7 @@ fn trust() -> (String, ParameterSpec) {
     )
 }
 
-/// What expressions about an attacker read.
+/// Returns the features that expressions about an attacker read.
 fn attacker_features() -> Vec<Feature> {
     let mut features = vocabulary::ACTOR.to_vec();
     features.push(Feature {

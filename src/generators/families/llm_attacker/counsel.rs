@@ -1,5 +1,5 @@
-//! What counsel about a scene is taken with: the vehicles as a model is shown them, the program that carries its proposals
-//! out, and what went wrong with one. Who is asked, and when, is not known here.
+//! Means to take counsel about a scene: the vehicles as a model is shown them, the program that carries its proposals
+//! out, and what went wrong with one. This module does not know who is asked, or when.
 
 use super::deliberation::reaches;
 use super::promise::{known, promise, time_to_collision_s, weights};
@@ -50,7 +50,7 @@ pub fn vehicles(stage: &Stage<'_>, program: &Program, count: usize) -> Result<Ve
     Ok(shown.into_iter().map(|(_, vehicle)| vehicle).collect())
 }
 
-/// What a proposal came to. `way` gives the leader's samples and the scene step of the first; it may be asked for.
+/// Returns the result of a proposal. `way` gives the leader's samples and the scene step of the first; it is called only if needed.
 pub fn trial(situation: &Situation, outcome: &Outcome, way: impl FnOnce() -> (usize, Vec<Sample>)) -> Trial {
     let evaluation = evaluate(situation, outcome, || {
         let (from_step, samples) = way();
@@ -74,7 +74,7 @@ fn settings_of(program: &Program) -> Settings {
     Settings { numbers: program.parameters.iter().filter_map(number).collect(), ..Settings::default() }
 }
 
-/// Whether a vehicle can reach the ego after the history.
+/// Returns `true` if a vehicle can reach the ego after the history.
 fn reach(stage: &Stage<'_>, settings: &Settings, track: TrackIx) -> Result<bool, StageError> {
     let from_step = stage.situation.first_step();
     let asked = (settings.number("duration_s")? / DT_S).round().clamp(0.0, 1e6) as usize;

@@ -29,7 +29,7 @@ struct Rules {
     rounds: usize,
     discount: f64,
     reach_weight: f64,
-    /// What being advised is worth.
+    /// Weight of being advised.
     trust: f64,
     replaces: bool,
 }
@@ -88,7 +88,7 @@ fn propose(
     ranks.into_iter().map(|(place, _)| place).collect()
 }
 
-/// Whether an actor can meet the ego's rollout at all, up to a second earlier or later. Leaves scores that mean no more.
+/// Returns `true` if an actor can meet the ego's rollout at all, up to a second earlier or later. The scores that it leaves mean no more.
 pub(super) fn reaches(
     situation: &Situation,
     actor: TrackIx,
@@ -151,7 +151,7 @@ fn rehearse(situation: &Situation, parts: &[Part], attack: &Attack) -> Evaluatio
     let nothing = Evaluation { contact: false, distance_m_min: f64::INFINITY, failure: Some(Failure::NeverClose) };
     let Some((place, chosen)) = attack.first() else { return nothing };
     let part = &parts[*place];
-    // What the simulator refuses, the constraints refuse with its reason when it is chosen.
+    // An attack that the simulator refuses is refused by the constraints, with its reason, when it is chosen.
     match sim::rollout(&situation.plant, &intervention, situation.policy.driver().as_mut()) {
         Ok(outcome) => {
             let way = &part.candidates[*chosen].samples;
@@ -161,7 +161,7 @@ fn rehearse(situation: &Situation, parts: &[Part], attack: &Attack) -> Evaluatio
     }
 }
 
-/// What may be tried next, most fitting first; the next attacker of the order is always among it.
+/// Returns what may be tried next, most fitting first; the next attacker of the order is always among it.
 fn modifications(rules: &Rules, parts: &[Part], order: &[usize], attack: &Attack, failure: Failure) -> Vec<Attack> {
     let (leader, chosen) = attack[0];
     let with_leader = |candidate: usize| {

@@ -16,7 +16,7 @@ const EVEN_STEPS: usize = 2;
 /// Paths are compared at every this many samples.
 const STRIDE: usize = 2;
 
-/// Where an attack led.
+/// Result of an attack.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evaluation {
     pub contact: bool,
@@ -45,7 +45,7 @@ pub fn evaluate(situation: &Situation, outcome: &Outcome, timing: impl FnOnce() 
     Evaluation { contact, distance_m_min, failure }
 }
 
-/// Whether the way, sampled from `from_step` on, passes the place where the paths come nearest after the ego or before it.
+/// Returns whether the way, sampled from `from_step` on, passes the place where the paths come nearest after the ego or before it.
 pub fn timing(situation: &Situation, from_step: usize, way: &[Sample]) -> Failure {
     let mut best = (f64::INFINITY, 0, 0);
     for (k, sample) in way.iter().enumerate().step_by(STRIDE) {

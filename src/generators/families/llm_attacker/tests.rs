@@ -79,7 +79,7 @@ fn counselled() -> (Situation, Vec<Vehicle>) {
     meeting.unwrap()
 }
 
-/// Who attacks.
+/// Returns the attackers.
 fn decided(
     family: &crate::stage::Source,
     program: &Program,

@@ -1,6 +1,6 @@
-//! What the SafeBench ports publish of their searches: the control sequences of AdvSim and AT (`model_ckpt/{advsim,advtraj}` of
-//! ChatScene, MIT, see `LICENSE-ChatScene`), ten of 100 numbers a traffic family. SafeBench runs all ten on each of its ten
-//! routes (`scenario_type/advsim.json`); here a scene draws one of them, as it draws a member of Human's grid.
+//! Published results of the SafeBench ports' searches: the control sequences of AdvSim and AT (`model_ckpt/{advsim,advtraj}`
+//! of ChatScene, MIT, see `LICENSE-ChatScene`), ten of 100 numbers a traffic family. SafeBench runs all ten on each of its
+//! ten routes (`scenario_type/advsim.json`); here a scene draws one of them, as it draws a member of Human's grid.
 
 use crate::kernel::Stream;
 use crate::motion::script_space::PROFILE_VALUES;
@@ -8,7 +8,7 @@ use crate::scene::safebench::TrafficFamily;
 
 /// Sequences of a port for each traffic family.
 const SEQUENCES: usize = 10;
-/// By port, family, sequence and tick: 32-bit floats, the least significant byte first.
+/// Numbers by port, family, sequence and tick: 32-bit floats, the least significant byte first.
 const NUMBERS: &[u8] = include_bytes!("control_sequences.f32");
 
 /// Whose sequences.
@@ -49,7 +49,7 @@ mod tests {
         assert!((first(Port::AdvSim, 3) - 0.537_007_116_840_540_7).abs() < 1e-7);
         assert!((first(Port::Trajectory, 1) - 0.648_987_834_433_03).abs() < 1e-7);
         assert!((first(Port::Trajectory, 8) - 0.017_115_501_050_406_823).abs() < 1e-7);
-        // A first try that met the ego was kept, so families share what numpy drew: of 80 sequences a port so many differ.
+        // A first try that met the ego was kept, so families share what numpy drew: of 80 sequences a port this many differ.
         for (port, distinct) in [(Port::AdvSim, 51), (Port::Trajectory, 68)] {
             let places = TrafficFamily::ALL.into_iter().flat_map(|family| (0..SEQUENCES).map(move |k| (family, k)));
             let all: Vec<Vec<f64>> = places.map(|(family, number)| sequence(port, family, number)).collect();

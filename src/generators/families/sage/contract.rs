@@ -1,4 +1,4 @@
-//! What a program of the family may contain, and its parent.
+//! Defines what a program of the family may contain, and its parent.
 
 use super::experts::Experts;
 use super::words::{MIXED_EXPERTS, NAME, PREFERENCE_REWARD, PRIOR};

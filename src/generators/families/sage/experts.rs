@@ -8,7 +8,7 @@ use super::measure::FEATURES;
 use crate::kernel::{Digest, num};
 use crate::stage::StageError;
 
-/// What `training::experts` wrote.
+/// Output of `training::experts`.
 const COMMITTED: &str = include_str!("experts.json");
 
 /// Change of the reference's log-probability: θ · φ(τ).
@@ -26,7 +26,7 @@ static KNOWN: LazyLock<Experts> = LazyLock::new(|| {
 });
 
 impl Experts {
-    /// Those that this build carries.
+    /// Returns the experts that this build carries.
     pub fn committed() -> &'static Experts {
         &KNOWN
     }
@@ -75,7 +75,7 @@ impl Experts {
     }
 }
 
-/// Of two vectors of equal length.
+/// Returns the dot product of two vectors of equal length.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     num::sum(a.iter().zip(b).map(|(a, b)| a * b))
 }

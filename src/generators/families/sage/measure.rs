@@ -1,4 +1,4 @@
-//! What SAGE sees of a candidate: the parts of its reward, and the features over which an expert is log-linear.
+//! Measures of a candidate for SAGE: the parts of its reward, and the features over which an expert is log-linear.
 
 use crate::adapters::vocabulary;
 use crate::kernel::num;
@@ -42,7 +42,7 @@ pub struct Measured {
     approach_s: f64,
     horizon_s: f64,
     motion: Motion,
-    /// Of the reward alone: 0 for an expert, who does not look at it.
+    /// Used by the reward alone: 0 for an expert, which does not look at it.
     unrealism: f64,
 }
 
@@ -130,7 +130,7 @@ impl Measured {
         off_road + if self.bystander_gap_m_min == 0.0 { BYSTANDER_PENALTY } else { 0.0 }
     }
 
-    /// Whether it may be used at all.
+    /// Returns `true` if it may be used at all.
     pub fn is_feasible(&self) -> bool {
         self.map_penalty() == 0.0
     }
@@ -141,7 +141,7 @@ impl Measured {
     }
 }
 
-/// What a candidate does from one step to the next.
+/// Change of a candidate from one step to the next.
 struct Change {
     acceleration: f64,
     /// Speed times yaw rate, m/s².

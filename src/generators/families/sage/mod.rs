@@ -37,8 +37,8 @@ pub fn source() -> Source {
     Source::new(family(), SEARCH_IN_WORDS).operator(MIXED_EXPERTS, motion).operator(PREFERENCE_REWARD, search)
 }
 
-/// What the mixed expert thinks likely: every goal of the reference prior is scored by it before goals that lie close
-/// together are suppressed, so that it decides which of them survive; the most probable ones, most probable first.
+/// Proposes what the mixed expert thinks likely. It scores every goal of the reference prior before goals that lie close
+/// together are suppressed, so that it decides which of them survive. Keeps the most probable ones, most probable first.
 pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
     let weight = settings.number("preference_weight")?;
     let kept = settings.count("kept_count")?;

@@ -30,7 +30,7 @@ pub const MARGIN: f64 = 0.2;
 /// (a, b) of a R_adv - b (kinematic + behaviour) - map for the adversarial and the realistic expert.
 pub const REWARDS: [(f64, f64); 2] = [(10.0, 1.0), (1.0, 10.0)];
 
-/// Of AdamW: step, decay and the usual moments.
+/// Settings of AdamW: step, decay and the usual moments.
 const LEARNING_RATE: f64 = 0.5;
 const WEIGHT_DECAY: f64 = 0.01;
 const MOMENTS: (f64, f64) = (0.9, 0.999);

@@ -23,7 +23,7 @@ pub struct Loss<'a> {
     /// No crash is sought before this scene step.
     pub from_step: usize,
     pub crash_weight: f64,
-    /// Of who attacks and of who does not.
+    /// Weights for the attacker and for the others.
     pub prior_weights: (f64, f64),
     pub record_weights: (f64, f64),
     pub contact_weight: f64,

@@ -29,10 +29,10 @@ const STARTS_MPS2: [f64; 3] = [0.0, -4.0, 1.5];
 const WEIGHTS: (f64, f64, f64) = (10.0, 10.0, 0.005);
 /// A corner may leave the road this much farther than the undisturbed ego does, metres.
 const OFF_ROAD_M: f64 = 0.5;
-/// Who is farther than this from the undisturbed ego cannot be met, metres.
+/// Road users farther than this from the undisturbed ego cannot be met, metres.
 const NEAR_M: f64 = 40.0;
 
-/// Whether the ego can get through the movers' motions and the recorded traffic without contact.
+/// Returns `true` if the ego can get through the movers' motions and the recorded traffic without contact.
 pub fn exists(situation: &Situation, movers: &[Mover], others: &Bystanders, solution: &Solution) -> bool {
     Solver::new(situation, others, *solution).solves(movers)
 }
@@ -53,7 +53,7 @@ impl<'a> Solver<'a> {
         Solver { situation, others, solution, known: vec![] }
     }
 
-    /// Whether the ego can get through without contact.
+    /// Returns `true` if the ego can get through without contact.
     pub fn solves(&mut self, movers: &[Mover]) -> bool {
         let steps = covered(movers);
         let first = steps.start.saturating_sub(1);
@@ -75,7 +75,7 @@ impl<'a> Solver<'a> {
     }
 }
 
-/// What is in the ego's way.
+/// Obstacles in the ego's way.
 struct Task<'a> {
     situation: &'a Situation,
     /// Boxes near the ego at every step after the start.
@@ -138,7 +138,7 @@ impl<'a> Task<'a> {
         None
     }
 
-    /// Whether no box after the start touches anyone or leaves the road too far.
+    /// Returns `true` if no box after the start touches anyone or leaves the road too far.
     fn is_free(&self, boxes: &[OrientedBox]) -> bool {
         let clear = |(body, near): (&OrientedBox, &Vec<OrientedBox>)| {
             let apart = |other: &OrientedBox| {

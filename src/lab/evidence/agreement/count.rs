@@ -1,4 +1,4 @@
-//! What is counted over pairs of rollouts, with intervals.
+//! Counts over pairs of rollouts, with intervals.
 
 use serde::Serialize;
 
@@ -11,7 +11,7 @@ use crate::kernel::Seed;
 /// Seconds before the contact at which the egos are compared.
 pub const BEFORE_S: [f64; 3] = [1.0, 3.0, 5.0];
 
-/// What a row counts.
+/// Rollouts that a row counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Of {
@@ -28,7 +28,7 @@ pub enum Of {
 }
 
 impl Of {
-    /// Before a row's name.
+    /// Returns the text before a row's name.
     pub fn prefix(self) -> &'static str {
         match self {
             Of::All | Of::Program => "",
@@ -39,7 +39,7 @@ impl Of {
     }
 }
 
-/// How far apart the egos were some time before the first contact.
+/// Distance of the egos some time before the first contact.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EgoApart {
     pub before_s: f64,
@@ -50,30 +50,30 @@ pub struct EgoApart {
     pub rollouts: usize,
 }
 
-/// What a row of rollouts says.
+/// Results of a row of rollouts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Agreement {
     pub of: Of,
     pub row: String,
     pub rollouts: usize,
-    /// Whether there is a contact. In a file its numbers stand beside the others.
+    /// Judgement of whether there is a contact. In a file its numbers stand beside the others.
     #[serde(flatten)]
     pub contact: Judged,
-    /// Of the contacts in both: with the same road user.
+    /// Number of the contacts in both that are with the same road user.
     pub same_partner: usize,
-    /// Of the contacts in both: median of the times' distance, s.
+    /// Median of the times' distance over the contacts in both, s.
     pub contact_time_apart_s: Option<f64>,
     /// One for each of [`BEFORE_S`].
     pub ego_apart: Vec<EgoApart>,
     pub labels: LabelAgreement,
 }
 
-/// What a row says of the labels that a search maximises.
+/// Results of a row about the labels that a search maximises.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LabelAgreement {
-    /// Of all rollouts: contacts that the program brought about, as published work counts them.
+    /// Over all rollouts: contacts that the program brought about, as published work counts them.
     pub published: Judged,
-    /// Of all rollouts: those of them that a careful ego could have prevented.
+    /// Over all rollouts: those of them that a careful ego could have prevented.
     pub preventable: Judged,
     /// Contacts in both with the same road user: what follows is counted over them.
     pub contacts: usize,
@@ -103,14 +103,14 @@ pub struct Judged {
 pub struct Report {
     /// The two backends by name.
     pub backends: [String; 2],
-    /// Whether both played the same commands. They do not where each plans around another drive of the ego.
+    /// True if both played the same commands. They do not where each plans around another drive of the ego.
     pub same_commands: bool,
     /// All rollouts first, then row by row.
     pub rows: Vec<Agreement>,
     pub disagreements: Vec<Disagreement>,
-    /// What one option of our plant has to do with the disagreements; nothing where neither simulator is ours.
+    /// Effects of single options of our plant on the disagreements; empty where neither simulator is ours.
     pub changes: Vec<Change>,
-    /// What evolved programs gain over the parents of their families in either; nothing where no evolved program stands beside its
+    /// Gains of evolved programs over the parents of their families in either; empty where no evolved program stands beside its
     /// parent.
     pub transfers: Vec<Transfer>,
     /// Rollouts that one of them could not play, with the reason.
@@ -229,7 +229,7 @@ fn labels(row: &str, pairs: &[&Pair], met: &[(&Meeting, &Meeting)]) -> LabelAgre
     }
 }
 
-/// What two simulators say of the same yes or no, with intervals.
+/// Compares what two simulators say of the same yes or no, with intervals.
 fn judged(row: &str, pairs: &[&Pair], said: impl Fn(&Pair) -> (bool, bool)) -> Judged {
     let confusion = confusion(pairs, &said);
     let resampled = resampled(row, pairs, &said);

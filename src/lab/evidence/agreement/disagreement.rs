@@ -1,17 +1,17 @@
-//! Why two simulators disagree about a contact: what their rollouts show, and which change of our plant mends it.
+//! Causes of a disagreement of two simulators about a contact: what their rollouts show, and which change of our plant mends it.
 
 use serde::Serialize;
 
 use super::pair::{Meeting, Pair, Tried};
 
-/// Nearer than this a rollout without contact missed it by a hand, metres.
+/// A rollout without contact that came nearer than this just missed it, metres.
 const NEAR_M: f64 = 0.3;
 /// Egos farther apart than this drove differently, metres.
 const APART_M: f64 = 1.0;
 /// A contact so soon after the start was there before anybody drove, s.
 const START_S: f64 = 0.1;
 
-/// What can be told from the motion; the first that holds.
+/// Cause that the motion shows; the first that holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
@@ -38,7 +38,7 @@ pub struct Disagreement {
     /// `first` or `second`: who says contact.
     pub contact_in: &'static str,
     pub with: Meeting,
-    /// How the other one ended, and how near it came, m.
+    /// End of the other rollout, and how near it came, m.
     pub other_end: String,
     pub other_distance_m_min: Option<f64>,
     /// Distance of the egos at the time of the contact, m.

@@ -1,4 +1,4 @@
-//! How far two simulators agree about the same rollouts: whether the ego meets a road user, which one, when, and where it was
+//! Agreement of two simulators about the same rollouts: whether the ego meets a road user, which one, when, and where it was
 //! before, and whether the labels that a search maximises are the same. Pure counting over pairs of rollouts; who plays them is `cli::studies::agree`'s business.
 
 mod count;

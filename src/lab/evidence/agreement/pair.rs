@@ -8,15 +8,15 @@ use crate::kernel::num;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Side {
     pub contact: Option<Meeting>,
-    /// How it ended, in a word.
+    /// Its end, in a word.
     pub end: String,
     /// The ego's places, one a decision step of 0.1 s; a contact within a step ends the list. `[steps]`
     pub ego: Vec<[f64; 2]>,
     /// Smallest distance of the ego to an adversary, or to anyone where there is none, metres.
     pub distance_m_min: Option<f64>,
-    /// Whether it is a success of the program as published work counts it: a contact that the program brought about.
+    /// True if it is a success of the program as published work counts it: a contact that the program brought about.
     pub published: bool,
-    /// Whether it is one that a careful ego could have prevented.
+    /// True if it is one that a careful ego could have prevented.
     pub preventable: bool,
 }
 
@@ -26,12 +26,12 @@ pub struct Meeting {
     /// Name of the other road user.
     pub with: String,
     pub adversary: bool,
-    /// In hundredths of a second after the start: physics steps are 0.02 s.
+    /// Time in hundredths of a second after the start: physics steps are 0.02 s.
     pub at_cs: u32,
     /// Class of the contact and who struck, in a word each.
     pub class: String,
     pub striker: String,
-    /// Whether the ego could have avoided it; `None` where nobody asks (contacts with others than adversaries).
+    /// True if the ego could have avoided it; `None` where nobody asks (contacts with others than adversaries).
     pub avoidable: Option<bool>,
     pub relative_speed_mps: f64,
 }
@@ -49,7 +49,7 @@ pub struct Pair {
     pub program: String,
     /// The program's family; `None` without one.
     pub family: Option<String>,
-    /// Whether the program came up in the run: a proposal, which another run of the study may not have.
+    /// True if the program is a proposal of the run, which another run of the study may not have.
     pub proposed: bool,
     /// The scene's cluster: the first of its tags.
     pub cluster: String,
@@ -57,14 +57,14 @@ pub struct Pair {
     pub ego: String,
     pub a: Side,
     pub b: Side,
-    /// Whether the partner of the one contact is on the road at that time in the rollout without it.
+    /// True if the partner of the one contact is on the road at that time in the rollout without it.
     pub partner_is_there: bool,
-    /// Whether our own simulator says contact with one option of its plant changed, the commands unchanged: one for each of the changes
-    /// that a report names. Nothing where neither simulator is ours.
+    /// Contact in our own simulator with one option of its plant changed, the commands unchanged: one for each of the changes
+    /// that a report names. Empty where neither simulator is ours.
     pub changed: Vec<bool>,
 }
 
-/// What was tried with our own simulator's plant: the changes by name, and which of the two simulators is ours (0 or 1).
+/// Changes tried with our own simulator's plant, by name, and which of the two simulators is ours (0 or 1).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tried {
     pub own: usize,
@@ -72,7 +72,7 @@ pub struct Tried {
 }
 
 impl Pair {
-    /// Whether both say the same about contact.
+    /// Returns `true` if both say the same about contact.
     pub fn agrees(&self) -> bool {
         self.a.contact.is_some() == self.b.contact.is_some()
     }

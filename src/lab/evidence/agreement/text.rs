@@ -103,7 +103,7 @@ fn changes(report: &Report) -> String {
     out
 }
 
-/// What evolution gained, in the one and in the other.
+/// Describes what evolution gained in the one simulator and in the other.
 fn transferred(report: &Report) -> String {
     if report.transfers.is_empty() {
         return String::new();

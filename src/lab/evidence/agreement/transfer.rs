@@ -1,4 +1,4 @@
-//! Whether what evolution gains in one simulator is there in the other one too: evolved programs beside the parents of their families,
+//! Transfer of evolution's gains from one simulator to the other: evolved programs beside the parents of their families,
 //! in the same scenes.
 
 use std::cmp::Ordering;
@@ -17,7 +17,7 @@ pub struct Descent {
     pub parent: String,
 }
 
-/// What an evolved program gains over its parent in either simulator.
+/// Gains of an evolved program over its parent in either simulator.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Transfer {
     /// Name of the evolved program; `all` for every one of them together.
@@ -30,7 +30,7 @@ pub struct Transfer {
     pub gains: Vec<Gain>,
 }
 
-/// What is counted: contact, and the labels that a search maximises.
+/// Labels that are counted: contact, and those that a search maximises.
 pub const LABELS: [&str; 3] = ["contact", "published attack", "preventable attack"];
 
 /// One label in the first and in the second simulator.
@@ -46,11 +46,11 @@ pub struct Gain {
 pub struct Difference {
     pub parent: usize,
     pub evolved: usize,
-    /// With the middle 95 % of draws of scenes.
+    /// Gain with the middle 95 % of draws of scenes.
     pub gain: Interval,
 }
 
-/// Of the differences that are not zero in the first simulator, how many have the same sign in the second, none there, and the
+/// Numbers of the differences not zero in the first simulator that have the same sign in the second, none there, and the
 /// other sign.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Signs {
@@ -75,7 +75,7 @@ pub fn signs(transfers: &[Transfer], label: usize) -> Signs {
     signs
 }
 
-/// Whether a label holds, label by label, in the first simulator and then in the second.
+/// All labels in the first simulator, then all in the second: true where the label holds.
 type Held = [bool; 2 * LABELS.len()];
 
 fn held(pair: &Pair) -> Held {

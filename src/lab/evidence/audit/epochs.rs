@@ -64,7 +64,7 @@ fn epoch(run: &RecordedRun, frozen: &Frozen, findings: &mut Vec<Finding>) {
     }
 }
 
-/// What speaks against the exit that an attempt took.
+/// Returns what speaks against the exit that an attempt took.
 fn exit_fault(exit: &Exit) -> Option<String> {
     let (gates, route) = (exit.gates(), exit.route());
     match exit {
@@ -82,7 +82,7 @@ fn exit_fault(exit: &Exit) -> Option<String> {
     }
 }
 
-/// At most one attempt of an epoch says that it was promoted, two under the rule of two anchors: the epoch names the first.
+/// Checks that at most one attempt of an epoch says that it was promoted, two under the rule of two anchors: the epoch names the first.
 fn promoted(run: &RecordedRun, settled: &Settled, findings: &mut Vec<Finding>) {
     let of_epoch = run.attempts.iter().filter(|a| a.lineage == settled.lineage && a.epoch == settled.epoch);
     let promoted: Vec<&AttemptId> =

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use std::fmt;
 
-/// What a finding means for the run's result.
+/// Weight of a finding for the run's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Gravity {
@@ -19,9 +19,9 @@ pub struct Finding {
     pub gravity: Gravity,
     /// The check that found it: `continuity`, `epochs`, `labels`, `closed suite`, `front`, `result` or `monitor`.
     pub check: &'static str,
-    /// Where: an attempt, a program, a lineage and epoch, or the whole run.
+    /// Place of the finding: an attempt, a program, a lineage and epoch, or the whole run.
     pub place: String,
-    /// What was found, and what was expected.
+    /// Text on what was found and what was expected.
     pub what: String,
 }
 

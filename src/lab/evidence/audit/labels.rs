@@ -52,7 +52,7 @@ pub fn check(run: &RecordedRun, findings: &mut Vec<Finding>) {
     }
 }
 
-/// What is wrong with labels taken by themselves.
+/// Returns the faults of labels taken by themselves.
 fn score_faults(score: &Score) -> impl Iterator<Item = String> {
     let scenes = score.scenes.iter();
     let out_of_range = scenes.filter(|s| !(0.0..=1.0).contains(&s.attack) || !(0.0..=1.0).contains(&s.realism));

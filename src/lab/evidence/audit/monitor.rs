@@ -7,7 +7,7 @@ use crate::kernel::num;
 use crate::objects::{Attempt, AttemptId};
 use crate::world::drawn_by_monitor;
 
-/// What the monitor brought to light, and how far the predictions were from the labels.
+/// Findings of the monitor, and the distance of the predictions from the labels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Monitored {
     /// Would-be rejections that were simulated.

@@ -20,7 +20,7 @@ pub enum ClaimsError {
     Table(#[from] tables::TableError),
 }
 
-/// On which side of its threshold a statistic is claimed to lie.
+/// Side of its threshold on which a statistic is claimed to lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
@@ -36,14 +36,14 @@ pub enum Direction {
 pub struct Claim {
     /// Its name here.
     pub id: String,
-    /// Where the paper says it.
+    /// Label of the place where the paper says it.
     pub label: String,
-    /// What it says, in our words.
+    /// Text of the claim, in our words.
     pub text: String,
-    /// Which of the file's runs it is asked of.
+    /// Name of the file's run that it is asked of.
     #[serde(default)]
     pub run: Option<String>,
-    /// Or which of the file's downstream studies, whose table is `downstream`.
+    /// Or name of the file's downstream study, whose table is `downstream`.
     #[serde(default)]
     pub study: Option<String>,
     /// A table of ours and the key of its column.
@@ -64,7 +64,7 @@ pub struct Claim {
     pub direction: Option<Direction>,
     #[serde(default)]
     pub threshold: Option<f64>,
-    /// Why it cannot be asked, where nothing here could answer it.
+    /// Reason why it cannot be asked, where nothing here could answer it.
     #[serde(default)]
     pub not_testable: Option<String>,
 }
@@ -92,7 +92,7 @@ impl Named {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Claims {
-    /// Of the tests together.
+    /// Level of the tests together.
     pub level: f64,
     /// Name in this file -> name of the experiment whose run is meant, or of several that answer together.
     pub runs: BTreeMap<String, Named>,

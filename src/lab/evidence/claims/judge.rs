@@ -1,4 +1,4 @@
-//! From estimates to verdicts.
+//! Verdicts on claims, from estimates.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -12,7 +12,7 @@ use crate::kernel::{Threads, num};
 use crate::objects::downstream::Downstream;
 use crate::objects::{FrontOf, JudgedOn, RealismMean, realism_name};
 
-/// What recorded runs say of a claim.
+/// Verdict of recorded runs on a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -33,7 +33,7 @@ impl Verdict {
     pub const ALL: [Verdict; 5] =
         [Verdict::NotSupported, Verdict::Smaller, Verdict::Undecided, Verdict::Supported, Verdict::NotTestable];
 
-    /// As readers see it.
+    /// Returns the verdict in words for readers.
     pub fn words(self) -> &'static str {
         match self {
             Verdict::NotSupported => "not supported",
@@ -59,7 +59,7 @@ pub struct Part {
     pub p_against: f64,
     /// One-sided p that it falls short of the paper's, where that lies on the claimed side.
     pub p_smaller: Option<f64>,
-    /// What `evodrive why` is asked; `None` of a measure.
+    /// Cell to ask `evodrive why` about; `None` for a measure.
     pub cell: Option<String>,
 }
 
@@ -72,9 +72,9 @@ pub struct Judged {
     /// The statistic with direction and threshold, in words.
     pub asked: String,
     pub verdict: Verdict,
-    /// Why it is not testable.
+    /// Reason why it is not testable.
     pub reason: Option<String>,
-    /// After Holm; `None` where it was not tested.
+    /// Value after Holm; `None` where it was not tested.
     pub p_for: Option<f64>,
     pub p_against: Option<f64>,
     /// `None` where the paper prints no number for some row.
@@ -82,7 +82,7 @@ pub struct Judged {
     pub parts: Vec<Part>,
     /// Root of its run.
     pub root: Option<String>,
-    /// Whether it asks for more than 0 of a number that is never negative: a search by random patches shows that as well.
+    /// True if it asks for more than 0 of a number that is never negative: a search by random patches shows that as well.
     pub never_negative: bool,
 }
 
@@ -93,7 +93,7 @@ const NEVER_NEGATIVE: [&str; 1] = ["pf_area_at_3_pct"];
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Judgement {
     pub level: f64,
-    /// How many were tested: what Holm's correction counts.
+    /// Number of tested claims, which Holm's correction counts.
     pub tested: usize,
     /// Name, root, and kinds of whoever proposed.
     pub runs: Vec<(String, String, String)>,
@@ -106,7 +106,7 @@ pub struct Judgement {
     pub claims: Vec<Judged>,
 }
 
-/// What a claim is asked of.
+/// Records that a claim is asked of.
 enum Asked<'s> {
     Runs(Vec<&'s RecordedRun>),
     Study(&'s Downstream),
@@ -147,7 +147,7 @@ impl Asked<'_> {
     }
 }
 
-/// Whether no search of the run was repeated.
+/// Returns `true` if no search of the run was repeated.
 fn once(run: &RecordedRun) -> bool {
     run.result.iter().flat_map(|result| &result.lineages).all(|lineage| lineage.replica == 0)
 }
@@ -217,7 +217,7 @@ pub(super) fn rules(run: &RecordedRun) -> Option<String> {
 /// Tables by their name and what they are made of.
 type Made = BTreeMap<(String, String), Table>;
 
-/// The tables that claims name, each made once, side by side: their intervals are what judging costs.
+/// Makes the tables that claims name, each once, side by side: their intervals take most of the time of judging.
 fn tables_of(claims: &[Claim], asked: &[Result<Asked<'_>, String>], threads: &Threads) -> Result<Made, ClaimsError> {
     let mut wanted: BTreeMap<(String, String), &Asked<'_>> = BTreeMap::new();
     for (claim, of) in claims.iter().zip(asked) {

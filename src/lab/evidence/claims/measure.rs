@@ -30,7 +30,7 @@ const MEASURES: [Measure; 9] = [
     ("order_rank_correlation", |run| order(run, &|epoch| epoch.spearman)),
 ];
 
-/// Whether there is a measure of that name.
+/// Returns `true` if there is a measure of that name.
 pub fn known(name: &str) -> bool {
     MEASURES.iter().any(|(known, _)| *known == name)
 }

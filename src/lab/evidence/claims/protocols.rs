@@ -1,4 +1,4 @@
-//! Claims under two protocols side by side: what the paper's rules support, what stricter ones leave, and what each comes to with a floor
+//! Claims under two protocols side by side: those that the paper's rules support, those that stricter ones leave, and both with a floor
 //! of realism that rejects as large a share of parents here as the paper's rejects of its own.
 
 use serde::Serialize;
@@ -23,9 +23,9 @@ const REJECTED: [usize; 2] = [2, 20];
 pub struct ClaimsUnder {
     /// Name of the protocol in the file.
     pub protocol: String,
-    /// By its own floor.
+    /// Judgement with the protocol's own floor.
     pub declared: Judgement,
-    /// By the calibrated one.
+    /// Judgement with the calibrated floor.
     pub calibrated: Judgement,
     /// Name of an experiment and what its calibrated floor is; none in SafeBench's protocol.
     pub floors: BTreeMap<String, Floor>,

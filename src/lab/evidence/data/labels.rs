@@ -7,7 +7,7 @@ use super::sheet::{Columns, Sheet};
 use crate::kernel::Digest;
 use crate::objects::{LineageId, SceneScore, SolutionId};
 
-/// Whose label, in which suite.
+/// Owner and scene of a label, with its suite.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Whose<'r> {
     lineage: &'r LineageId,
@@ -40,7 +40,7 @@ fn failures(run: &RecordedRun) -> Vec<(Whose<'_>, &str)> {
     by_subject.into_iter().collect()
 }
 
-/// What labels cannot show: where there is none.
+/// Makes the sheet of scenes without a label, which labels cannot show.
 pub fn unlabelled(run: &RecordedRun) -> Sheet {
     let columns = Columns::<(Whose<'_>, &str)>::new()
         .text("lineage", "The lineage.", |(of, _)| of.lineage.to_string())

@@ -2,7 +2,7 @@
 
 use crate::kernel::Digest;
 
-/// What a column holds.
+/// Type of a column's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// UTF-8.
@@ -46,11 +46,11 @@ pub enum Cell {
 pub struct Heading {
     /// Name in the header; a unit stands last.
     pub name: String,
-    /// What it holds.
+    /// Type of its values.
     pub kind: Kind,
     /// Unit of a number; empty for none.
     pub unit: &'static str,
-    /// What it means.
+    /// Meaning of its values.
     pub meaning: String,
 }
 
@@ -59,7 +59,7 @@ pub struct Heading {
 pub struct Sheet {
     /// Name of its files.
     pub name: &'static str,
-    /// What a row is.
+    /// Meaning of a row.
     pub row: &'static str,
     /// Its columns.
     pub headings: Vec<Heading>,
@@ -67,7 +67,7 @@ pub struct Sheet {
     pub rows: Vec<Vec<Cell>>,
 }
 
-/// How a row's cell comes from what the row is about.
+/// Function from what a row is about to one of its cells.
 type Read<'c, R> = Box<dyn Fn(&R) -> Cell + 'c>;
 
 /// Columns being written: how a row's cells come from what the row is about.

@@ -26,7 +26,7 @@ impl Sheet {
         WriteError { table: self.name, reason: reason.to_string() }
     }
 
-    /// With a header; missing values are empty, booleans `true` and `false`, numbers as short as they read back.
+    /// Writes CSV with a header; missing values are empty, booleans `true` and `false`, numbers as short as they read back.
     pub fn csv(&self) -> Result<Vec<u8>, WriteError> {
         let mut writer = csv::Writer::from_writer(Vec::new());
         writer.write_record(self.headings.iter().map(|h| h.name.as_str())).map_err(|error| self.failed(error))?;

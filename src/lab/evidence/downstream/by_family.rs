@@ -16,7 +16,7 @@ const PAPER: [(&str, Read, [f64; 9]); 4] = [
     ("original", Read::Score, [0.800, 0.847, 0.949, 0.921, 0.948, 0.711, 0.705, 0.949, 0.854]),
     ("evolved", Read::Score, [0.854, 0.892, 0.952, 0.851, 0.949, 0.682, 0.945, 0.950, 0.884]),
 ];
-/// What the parts show, and what they are called.
+/// Quantities that the parts show, with their names.
 const METRICS: [(Read, &str, &str); 2] =
     [(Read::Crash, "CR", "Collision rate (lower is better)"), (Read::Score, "OS", "Overall score (higher is better)")];
 

@@ -4,7 +4,7 @@ use crate::evidence::tables::{PerScene, Search};
 use crate::kernel::Digest;
 use crate::objects::downstream::{Downstream, Examination, FixedSet, SetDriven, SetName, Trained};
 
-/// What is read of a driven scene.
+/// Quantity that is read of a driven scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Read {
     /// 1 for a contact with anyone, whoever caused it.
@@ -17,13 +17,13 @@ pub enum Read {
     Score,
 }
 
-/// On which sets, of the same scenes, egos were examined as adversarial ones.
+/// Sets, of the same scenes, on which egos were examined as adversarial ones.
 pub const ADVERSARIAL: [SetName; 2] = [SetName::Original, SetName::Evolved];
 
 /// A mean over families, sets, seeds and scenes, as the bootstrap takes it.
 pub type Quantity = Vec<Search>;
 
-/// What is read, on which sets, and of which family; `None` reads all families of a study by family, and all scenes of another.
+/// Quantity to read, the sets, and the family; `None` reads all families of a study by family, and all scenes of another.
 #[derive(Clone, Copy, Debug)]
 pub struct Question<'q> {
     pub sets: &'q [SetName],
@@ -95,7 +95,7 @@ pub fn reference(record: &Downstream, driver: &str, asked: Question<'_>) -> Quan
     all.into_iter().flat_map(|family| asked.sets.iter().map(move |set| (family, set))).map(of).collect()
 }
 
-/// How often an arm was examined on its way.
+/// Returns the number of examinations that every training of an arm has.
 pub fn examinations(record: &Downstream, arm: &str) -> usize {
     let own = record.trainings.iter().filter(|trained| trained.arm == arm);
     own.map(|trained| trained.examinations.len()).min().unwrap_or(0)

@@ -1,4 +1,4 @@
-//! What a downstream study found: the last actors of its arms side by side, their differences, and their curves (fig:sac-adv-bmt,
+//! Findings of a downstream study: the last actors of its arms side by side, their differences, and their curves (fig:sac-adv-bmt,
 //! tab:carla-chatscene-finetune).
 
 mod by_family;

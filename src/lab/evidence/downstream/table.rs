@@ -135,7 +135,7 @@ fn pair_row(record: &Downstream, pair: [&str; 2]) -> Row {
     line.row(record, None, cells(&quantities, Form::RateChange))
 }
 
-/// What stands under the table.
+/// Returns the notes under the table.
 pub fn notes(record: &Downstream, pairs: &[[&str; 2]]) -> Vec<String> {
     let opening = &record.opening;
     let sets = |of: &[SetName]| of.iter().map(|set| set.name()).collect::<Vec<_>>().join(" and ");
@@ -173,8 +173,8 @@ pub fn notes(record: &Downstream, pairs: &[[&str; 2]]) -> Vec<String> {
     notes
 }
 
-/// What the study says of a pair, in words: crashes in adversarial scenes, and the way driven there and in plain ones, since who stands
-/// crashes little.
+/// Says what the study shows of a pair: crashes in adversarial scenes, and the way driven there and in plain ones, since an ego that
+/// stands seldom crashes.
 fn verdict(record: &Downstream, pair: [&str; 2]) -> String {
     let way = if record.opening.families.is_empty() { Read::Completion } else { Read::Score };
     let side = |sets: &[SetName], read: Read, words: [&str; 3]| {

@@ -77,7 +77,7 @@ fn an_arm_that_crashes_in_fewer_scenes_is_said_to() {
     );
 }
 
-/// What decides is the pairing: the same arm under another name is no better, and a worse one is told as worse.
+/// The pairing decides: the same arm under another name is no better, and a worse one is told as worse.
 #[test]
 fn a_toy_arm_wins_nothing() {
     let note = |crashes: usize| table(&record(crashes)).notes.last().unwrap().clone();

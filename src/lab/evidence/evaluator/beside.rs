@@ -21,7 +21,7 @@ const SURE: f64 = 0.2;
 const DRAWS: usize = 200;
 const SEED: Seed = Seed(65);
 
-/// What one evaluator makes of the candidates.
+/// Results of one evaluator on the candidates.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evaluated {
     /// Name of the run's experiment.
@@ -35,7 +35,7 @@ pub struct Evaluated {
     pub error_ratio: Option<f64>,
     /// Labels in the intervals, per cent.
     pub coverage_pct: Option<f64>,
-    /// Of those that are not among the first three in ten of their epoch, the share that the archive accepts, per cent.
+    /// Share that the archive accepts of those that are not among the first three in ten of their epoch, per cent.
     pub false_reject_pct: Option<f64>,
     /// Hypervolume of parent and first three in ten as a share of that of parent and all, mean over epochs of lineages, per cent.
     pub hypervolume_pct: Option<f64>,

@@ -24,18 +24,18 @@ pub struct Case {
     /// Predicted difference from its parent.
     pub predicted: Objectives,
     pub half_width: Option<Objectives>,
-    /// As the route has it.
+    /// Uncertainty, as the route has it.
     pub uncertainty: f64,
     /// Its parent's labels on the window, and its own; `None` where it was not simulated.
     pub parent: Objectives,
     pub labelled: Option<Objectives>,
     pub rank_score: f64,
-    /// What its labels differ from its parent's by, and whether the archive accepted it; `None` where it was not simulated.
+    /// Difference of its labels from its parent's, and whether the archive accepted it; `None` where it was not simulated.
     pub label: Option<(Objectives, bool)>,
-    /// Whether the evaluator would have it turned away: it was drawn among those left out by the rank, or, where an epoch was
+    /// True if the evaluator would turn it away: it was drawn among those left out by the rank, or, where an epoch was
     /// simulated whole, it is not among the first three in ten.
     pub turned_away: bool,
-    /// For how many it stands among those that would be turned away.
+    /// Number of candidates that it stands for among those that would be turned away.
     pub weight: f64,
 }
 
@@ -89,7 +89,7 @@ fn split(mut cases: Vec<Case>) -> Vec<Case> {
     cases
 }
 
-/// Which of an epoch's candidates are the first three in ten; of equals the earlier one.
+/// Marks the first three in ten of an epoch's candidates; of equals the earlier one comes first.
 pub fn first_by_rank(scores: &[f64]) -> Vec<bool> {
     let mut order: Vec<usize> = (0..scores.len()).collect();
     order.sort_by(|&a, &b| scores[b].total_cmp(&scores[a]).then(a.cmp(&b)));

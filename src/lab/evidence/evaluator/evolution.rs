@@ -1,4 +1,4 @@
-//! How the evaluator changed itself: every proposal with its verdict, and which configuration routed which epochs.
+//! The evaluator's changes to itself: every proposal with its verdict, and the configuration that routed each epoch.
 
 use serde::Serialize;
 use serde_json::Value;

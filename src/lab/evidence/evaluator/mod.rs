@@ -1,4 +1,4 @@
-//! How good the world evaluator was: what it predicted before there were labels beside what the rollouts then showed, read from
+//! Quality of the world evaluator: what it predicted before there were labels beside what the rollouts then showed, read from
 //! recorded events. A route holds the prediction of a snapshot that knew labels of earlier epochs only, so that every epoch
 //! tests what the ones before it taught.
 

@@ -16,14 +16,14 @@ pub struct Epoch {
     pub lineage: (String, LineageId),
     /// Epoch, from 0.
     pub epoch: u32,
-    /// Whether the candidate at each place of the ranked order is useful.
+    /// For each place of the ranked order, true if the candidate there is useful.
     pub useful: Vec<bool>,
     /// Rank correlation of the rank score with the labelled gain; `None` where either is the same of all.
     pub spearman: Option<f64>,
 }
 
 impl Epoch {
-    /// How many are useful.
+    /// Returns the number of useful candidates.
     pub fn useful_count(&self) -> usize {
         self.useful.iter().filter(|useful| **useful).count()
     }

@@ -13,7 +13,7 @@ use crate::world::measures::{Compared, coverage_pct, gain, kendall, loss_ratio, 
 const RESAMPLES: usize = 1000;
 const SEED: Seed = Seed(95);
 
-/// How good the evaluator was over a set of candidates.
+/// Quality of the evaluator over a set of candidates.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Quality {
     /// Candidates that passed the gates, and how they left: by rank, drawn, turned away.
@@ -34,21 +34,21 @@ pub struct Quality {
     pub absolute_error_ratio_to_parent: Option<f64>,
     /// Labels in their intervals, per cent; attack and realism count one each.
     pub coverage_80_pct: Option<f64>,
-    /// Of the accepted candidates among the simulated, those among the first three in ten by rank.
+    /// Share of the accepted candidates, among the simulated, that are among the first three in ten by rank.
     pub recall_top_30_pct: Option<f64>,
-    /// Of the first three in ten, those that were accepted.
+    /// Share of the first three in ten that were accepted.
     pub precision_top_30_pct: Option<f64>,
-    /// Of those that would be turned away, the share that the archive accepts, estimated from the drawn ones by their weights.
+    /// Share of those that would be turned away that the archive accepts, estimated from the drawn ones by their weights.
     pub false_reject_pct: Option<f64>,
     /// 95 % bootstrap interval over epochs of lineages.
     pub false_reject_interval: Option<[f64; 2]>,
-    /// The same of who is left out by a draw of as many in place of the rank: what a rank that knows nothing comes to. Over the
-    /// epochs that somebody was turned away in.
+    /// The same where a draw of as many decides in place of the rank: the result of a rank that knows nothing. Over the
+    /// epochs in which some candidate was turned away.
     pub false_reject_of_a_draw_pct: Option<f64>,
     /// Accepted candidates of the drawn ones alone, per cent: what a random choice accepts.
     pub audited_accepted_pct: Option<f64>,
     pub selected_accepted_pct: Option<f64>,
-    /// Mean over epochs of lineages: what the best simulated candidate gains more than the best of the first three in ten.
+    /// Mean over epochs of lineages: gain of the best simulated candidate less that of the best of the first three in ten.
     pub regret: Option<f64>,
 }
 

@@ -22,10 +22,10 @@ pub struct EvaluatorReport {
     pub epochs: BTreeMap<u32, Quality>,
     /// Family by family.
     pub families: BTreeMap<String, Quality>,
-    /// Beside another run of the same lineages.
+    /// Comparison with another run of the same lineages.
     #[serde(flatten)]
     pub against: Option<Against>,
-    /// How the evaluator changed itself; absent without a world agent.
+    /// The evaluator's changes to itself; absent without a world agent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evolution: Option<Evolution>,
 }
@@ -50,13 +50,13 @@ pub struct Against {
     /// Lineages with more hypervolume than in the other run, and with less.
     pub lineages_better: usize,
     pub lineages_worse: usize,
-    /// What the parents alone have, as a share of the other run's: what doing nothing would reach. `None` where the windows did not open
+    /// Hypervolume of the parents alone as a share of the other run's: the result of doing nothing. `None` where the windows did not open
     /// the whole evolution pool, on which parents are measured.
     pub parents_share: Option<f64>,
 }
 
 impl Against {
-    /// What was gained over the parents, as a share of what the other run gained; `None` where that gained nothing.
+    /// Returns the gain over the parents as a share of the other run's gain; `None` where that gain is nothing or unknown.
     pub fn gain_share(&self) -> Option<f64> {
         let parents = self.parents_share.filter(|parents| *parents < 1.0)?;
         Some((self.hypervolume_share - parents) / (1.0 - parents))
@@ -131,7 +131,7 @@ fn simulated(attempt: &Attempt) -> usize {
     usize::from(attempt.exit.score().is_some())
 }
 
-/// Of the mean of a sample.
+/// Returns the standard error of the mean of a sample.
 fn standard_error(values: &[f64]) -> Option<f64> {
     let (n, mean) = (values.len() as f64, num::mean(values)?);
     let spread = num::sum(values.iter().map(|value| (value - mean) * (value - mean)));

@@ -19,13 +19,13 @@ use crate::objects::{Attempt, Exit, LineageId, Objectives, Program, Score, Solut
 pub struct Evolved<'r> {
     pub run: &'r RecordedRun,
     pub lineage: LineageId,
-    /// Of the reported program; without it, its chain is not drawn on held-out scenes.
+    /// Credit of the reported program; without it, its chain is not drawn on held-out scenes.
     pub credit: Option<&'r Credit>,
     /// The traffic family whose scenes alone the score is of; `None`: of all.
     pub family: Option<&'r str>,
 }
 
-/// What became of a proposal, in the order of the rows below the curve.
+/// Outcomes of a proposal, in the order of the rows below the curve.
 const ROWS: [(&str, Mark, Ink); 5] = [
     ("screened", Mark::Cross, Ink { fill: None, stroke: Some((GREY, 0.8)), dashed: false }),
     ("not routed", Mark::Square, Ink { fill: None, stroke: Some((GREY, 0.8)), dashed: false }),
@@ -55,7 +55,7 @@ const HIGH: f64 = 96.0;
 /// Left edge and width of the plot of the chain.
 const CHAIN_LEFT: f64 = 346.0;
 const CHAIN_WIDE: f64 = WIDE - CHAIN_LEFT - 10.0;
-/// From the head of a lineage to its plots, and of the rows below them.
+/// Height from the head of a lineage to its plots, and of the rows below them.
 const HEAD: f64 = 18.0;
 const ROW: f64 = 12.0;
 /// Most programs of a chain that are told, and most lines of what a proposer expected, in whole sentences.
@@ -151,7 +151,7 @@ fn chain<'s>(run: &'s RecordedRun, lineage: &LineageId) -> Vec<&'s Program> {
     reported.or_else(|| run.active(lineage)).map(|solution| run.chain(solution)).unwrap_or_default()
 }
 
-/// What was worked out of the program that a lineage reports.
+/// Returns the credit that was worked out of the program that a lineage reports.
 pub fn credit_of<'c>(run: &RecordedRun, lineage: &LineageId, credits: &'c [Credit]) -> Option<&'c Credit> {
     let reported = &run.result_of(lineage)?.evolved.solution;
     credits.iter().find(|credit| credit.program == *reported)
@@ -253,17 +253,17 @@ fn steps(
     sheet.text(below, LETTERS, Anchor::Middle, "Proposal");
 }
 
-/// What is drawn along the chain, and how.
+/// Quantity that is drawn along the chain, and how.
 struct Quantity {
     name: &'static str,
     mark: Mark,
     colour: Rgb,
-    /// To the side of its program, so that bars do not hide each other.
+    /// Shift to the side of its program, so that bars do not hide each other.
     aside: f64,
     of: fn(&Gain) -> Option<Estimate>,
 }
 
-/// What the programs of the chain have more than the parent, on the same held-out scenes.
+/// Draws what the programs of the chain gain over the parent, on the same held-out scenes.
 fn on_held_out(sheet: &mut Figure, credit: &Credit, top: f64) {
     let steps: Vec<(f64, Option<&Gain>)> = credit
         .edits

@@ -1,6 +1,6 @@
 //! fig:carla-cases: a scene as the original and the evolved generator play it, side by side, a row a lineage.
 //!
-//! Which scene is shown follows from the labels alone, so that nobody picks it: of the held-out scenes in which the reported program
+//! The scene that is shown follows from the labels alone, so that nobody picks it: of the held-out scenes in which the reported program
 //! attacks and the parent does not, the one with the highest realism, and of equal ones the first by its id.
 
 use super::error::FigureError;
@@ -39,11 +39,11 @@ pub struct Case {
 /// A rollout as it is shown.
 pub struct Side {
     pub drawing: Drawing,
-    /// How it ended, in a few words.
+    /// Its end, in a few words.
     pub ending: String,
 }
 
-/// Who does what to whom in a contact of the ego with an adversary.
+/// Says who does what to whom in a contact of the ego with an adversary.
 pub fn met_in_words(class: ContactClass) -> &'static str {
     match class {
         ContactClass::EgoStrikes => "the ego runs into the adversary",
@@ -93,7 +93,7 @@ fn won(run: &RecordedRun, lineage: &LineageResult) -> Option<WonScene> {
 const PANEL: [f64; 2] = [225.0, 118.0];
 const LEFT: f64 = 10.0;
 const GAP: f64 = 10.0;
-/// From one lineage's row to the next.
+/// Height from one lineage's row to the next.
 const ROW: f64 = PANEL[1] + 40.0;
 /// Metres from a panel's left to its right side.
 const WIDTH_M: f64 = 70.0;
@@ -157,7 +157,7 @@ fn shown_step(side: &Side, case: &Case) -> usize {
     side_end(&case.evolved).min(side.drawing.steps.saturating_sub(1))
 }
 
-/// What a panel shows of a side at a step.
+/// Returns the panel of a side at a step, with the ego in the middle.
 fn around_ego(side: &Side, step: usize, place: [f64; 4]) -> Panel {
     let ego = side.drawing.actors.iter().find(|actor| actor.role == Role::Ego);
     let middle = ego.and_then(|ego| place_at(ego, step)).unwrap_or(Vec2::ZERO);

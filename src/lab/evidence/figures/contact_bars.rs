@@ -1,5 +1,5 @@
-//! What hit whom: the contacts that parents and reported programs bring about on held-out scenes, stacked by class, and the part of them
-//! that a careful ego could have prevented.
+//! Contacts by who hit whom: those that parents and reported programs bring about on held-out scenes, stacked by class, and the part of
+//! them that a careful ego could have prevented.
 
 use super::error::FigureError;
 use super::legend;
@@ -14,7 +14,7 @@ use crate::objects::LineageId;
 
 /// Width of the sheet, points: both columns of a page.
 const WIDE: f64 = 494.0;
-/// Where bars begin, and the width of the share 1.
+/// Left end of the bars, and the width of the share 1.
 const LEFT: f64 = 118.0;
 const WHOLE: f64 = 250.0;
 /// Height of a bar, of the line of what is preventable below it, and from one program to the next.

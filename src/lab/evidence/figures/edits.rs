@@ -19,9 +19,9 @@ struct Edits {
     /// Patches that could be read, and of them those of candidates that were simulated.
     patches: usize,
     evaluated: usize,
-    /// By part: among all patches, among the simulated ones.
+    /// Counts by part: among all patches, among the simulated ones.
     parts: [[usize; 2]; 4],
-    /// By part and kind of operation, over all patches.
+    /// Counts by part and kind of operation, over all patches.
     operations: [[usize; 3]; 4],
     /// Patches that edit parameters alone.
     scalar_only: [usize; 2],

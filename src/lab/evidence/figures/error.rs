@@ -1,4 +1,4 @@
-//! Why runs give no figure.
+//! Reasons why runs give no figure.
 
 use crate::evidence::tables::TableError;
 use crate::objects::LineageId;

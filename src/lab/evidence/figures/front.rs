@@ -1,4 +1,4 @@
-//! What searches came to on held-out scenes: the plane of attack and realism, a panel a generator, with the parent, the programs that each
+//! Results of searches on held-out scenes: the plane of attack and realism, a panel a generator, with the parent, the programs that each
 //! search reports, their intervals, and what they dominate.
 
 use super::error::FigureError;

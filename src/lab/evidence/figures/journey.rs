@@ -11,7 +11,7 @@ const PAGE: &str = include_str!("../../../../docs/ARCHITECTURE.md");
 pub struct Step {
     /// The verb, as the code calls it.
     pub verb: String,
-    /// Where it lives.
+    /// Room in which it lives.
     pub room: String,
 }
 
@@ -33,7 +33,7 @@ pub fn steps(page: &str) -> Vec<Step> {
     verbs.zip(rooms).map(|(verb, room)| Step { verb: verb.to_string(), room }).collect()
 }
 
-/// What a step does, in the words of a reader who has not seen the code.
+/// Explains a step in the words of a reader who has not seen the code.
 fn explained(verb: &str) -> Option<&'static str> {
     Some(match verb {
         "freeze" => "parent, front, memory, window",
@@ -48,7 +48,7 @@ fn explained(verb: &str) -> Option<&'static str> {
     })
 }
 
-/// How an attempt ends before there is a label, in the order of the steps after the first.
+/// Ends of an attempt before there is a label, in the order of the steps after the first.
 const WAYS_OUT: [&str; 3] = ["declined", "invalid", "rejected"];
 
 const WIDE: f64 = 244.0;

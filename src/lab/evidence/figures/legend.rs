@@ -1,11 +1,11 @@
-//! What figures share: a row of signs with their meaning, and the line of the source below.
+//! Parts that figures share: a row of signs with their meaning, and the line of the source below.
 
 use crate::draw::{Anchor, Figure, GREY, Ink, Mark, Words, width, wrapped};
 use crate::evidence::recorded_run::RecordedRun;
 
 /// Size of letters, points.
 pub const LETTERS: f64 = 7.5;
-/// Of the source's line.
+/// Size of the source's line.
 const SMALL: f64 = 7.0;
 
 /// A sign and what it means.
@@ -32,7 +32,7 @@ pub fn foot(figure: &mut Figure, text: &str) {
     figure.height += 4.0;
 }
 
-/// What stands under a figure: the runs, and what their proposals came from.
+/// Returns the line under a figure: the runs, and what their proposals came from.
 pub fn source(runs: &[&RecordedRun]) -> String {
     let named: Vec<String> =
         runs.iter().map(|run| format!("{} (root {})", run.opened.name, run.root.short(12))).collect();

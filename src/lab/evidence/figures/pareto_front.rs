@@ -21,7 +21,7 @@ struct Point {
     program: SolutionId,
     objectives: Objectives,
     coverage: Option<f64>,
-    /// How many scenes its labels are of; `None` for those of the front, which is of all windows.
+    /// Number of scenes that its labels are of; `None` for those of the front, which are of all windows.
     scenes: Option<usize>,
     is_parent: bool,
     accepted: bool,

@@ -16,9 +16,9 @@ pub struct Room {
     pub floor: String,
     /// The folder of `src/`.
     pub name: String,
-    /// What is in it.
+    /// Contents of the room.
     pub holds: String,
-    /// How many rooms it may import; `None` where the page lists them elsewhere.
+    /// Number of rooms that it may import; `None` where the page lists them elsewhere.
     pub imports: Option<usize>,
 }
 
@@ -54,7 +54,7 @@ const LEFT: f64 = 62.0;
 /// Size of letters in a box, and from one line to the next, points.
 const LETTERS: f64 = 7.0;
 const LINE: f64 = 8.2;
-/// From a box's top to its first line, which stands below the name.
+/// Height from a box's top to its first line, which stands below the name.
 const HEAD: f64 = 20.0;
 
 /// The rooms as boxes, a band a floor, the ground at the bottom.
@@ -83,7 +83,7 @@ fn drawn(page: &str) -> Result<Figure, FigureError> {
     Ok(sheet)
 }
 
-/// What a room holds, as lines of its box; none is left out.
+/// Returns the contents of a room as lines of its box; none is left out.
 fn lines(room: &Room) -> Vec<String> {
     wrapped(&room.holds, LETTERS, BOX - 8.0, usize::MAX)
 }

@@ -1,4 +1,4 @@
-//! What the paper of ours is made of beside tables and figures: its plan, its numbers as macros, and the check that none is typed.
+//! Parts of our own paper beside tables and figures: its plan, its numbers as macros, and the check that none is typed.
 
 mod numbers;
 mod pages;

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use crate::evidence::claims::{Judgement, Verdict};
 use crate::evidence::tables::{Table, escaped};
 
-/// What the file begins with: a name that is not there stops LaTeX. `\evo` prints a number with its interval, `\evonumber` the number
+/// Head of the file: a name that is not there stops LaTeX. `\evo` prints a number with its interval, `\evonumber` the number
 /// alone, `\evostack` the interval below it.
 const HEAD: &str = r"% Made by `evodrive paper --bless`; every number of the text is one of these.
 \newcommand{\evo}[1]{\ifcsname evo:#1\endcsname\csname evo:#1\endcsname\else\errmessage{no number of that name: #1}\fi}
@@ -61,7 +61,7 @@ fn macros(text: &str) -> BTreeMap<String, String> {
     named.collect()
 }
 
-/// What a table's numbers begin with.
+/// Returns the beginning of the names of a table's numbers.
 fn prefix(table: &str) -> String {
     format!("{table}:")
 }

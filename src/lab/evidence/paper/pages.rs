@@ -1,5 +1,5 @@
-//! Whether the pages of a built document can be read: what LaTeX's log, the list of fonts, the places of words and small pictures of the
-//! pages say of them. Programs beside LaTeX make all four; this file reads what they print.
+//! Checks of whether the pages of a built document can be read, by LaTeX's log, the list of fonts, the places of words and small pictures
+//! of the pages. Programs beside LaTeX make all four; this file reads what they print.
 
 /// Points that a line may stand out of its column.
 const OVERFULL_PT: f64 = 5.0;
@@ -18,7 +18,7 @@ const LETTERS_MIN: usize = 4;
 /// A page as words and as a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Page {
-    /// Whether it is wider than high, as it is or as it is shown: a file may turn a page when it is shown.
+    /// True if it is wider than high, as it is or as it is shown: a file may turn a page when it is shown.
     pub is_wide: bool,
     /// Width and height of its longer words, points.
     words: Vec<[f64; 2]>,
@@ -36,7 +36,7 @@ pub fn overfull(log: &str) -> Vec<String> {
     log.lines().filter(too_much).map(str::to_string).collect()
 }
 
-/// What a list of `pdffonts` says against a document: a font that is not in it, or one of dots.
+/// Returns the faults in a list of `pdffonts`: a font that is not in the document, or one of dots.
 pub fn unsound_fonts(listing: &str) -> Vec<String> {
     let lines: Vec<&str> = listing.lines().collect();
     let Some(rules) = lines.iter().position(|line| line.starts_with("---")) else {
@@ -128,7 +128,7 @@ fn filled(of: &Picture<'_>) -> f64 {
     (half(0..of.wide / 2) + half(of.wide / 2..of.wide)) as f64 / (2 * BANDS) as f64
 }
 
-/// What is wrong with pages: one that lies on its side, one whose words do, one that is half empty. The last page may end where it does.
+/// Returns the faults of pages: one that lies on its side, one whose words do, one that is half empty. The last page may end where it does.
 pub fn unsound_pages(pages: &[Page]) -> Vec<String> {
     let mut wrong = Vec::new();
     for (at, page) in pages.iter().enumerate() {
@@ -148,7 +148,7 @@ pub fn unsound_pages(pages: &[Page]) -> Vec<String> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct FigureUse {
     pub name: String,
-    /// How wide it is printed, points.
+    /// Printed width, points.
     pub width_pt: f64,
 }
 

@@ -23,7 +23,7 @@ pub struct PlannedRun {
     pub name: String,
     /// Its experiment file.
     pub experiment: String,
-    /// Whether it belongs to the short form, which a check can wait for.
+    /// True if it belongs to the short form, which a check can wait for.
     #[serde(default)]
     pub short: bool,
     /// Seconds that it took when nothing was stored yet, and on what; a note for readers.
@@ -31,7 +31,7 @@ pub struct PlannedRun {
     pub wall_time: Option<String>,
 }
 
-/// What a piece is.
+/// Kind of a piece.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum What {
     /// A table by its name.
@@ -77,7 +77,7 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// Whether it is a table or a figure, and which.
+    /// Returns which table or figure it is.
     pub fn what(&self) -> What {
         match (&self.table, &self.figure) {
             _ if self.study.is_some() => What::Downstream { is_table: self.table.is_some() },
@@ -92,7 +92,7 @@ impl Piece {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Named {
-    /// What the names of its numbers begin with.
+    /// Beginning of the names of its numbers.
     pub name: String,
     /// A table by its name, made of these runs.
     #[serde(default)]

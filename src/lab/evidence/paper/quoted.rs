@@ -3,13 +3,13 @@
 
 use std::collections::BTreeMap;
 
-/// What the paper's own rows begin with.
+/// Beginning of the paper's own rows.
 const PAPER: &str = "· paper";
 
 /// A table of a Markdown page.
 struct Read<'t> {
     heads: Vec<&'t str>,
-    /// How many columns name the row.
+    /// Number of columns that name the row.
     names: usize,
     rows: Vec<Vec<&'t str>>,
 }
@@ -58,7 +58,7 @@ pub fn quoted(name: &str, page: &str) -> BTreeMap<String, String> {
     all
 }
 
-/// What a sentence like `mine (0a1b2c3d): 240 evolution and 400 held-out scenes, 5 epochs, 30 attempts, 6400 rollouts; ...` counts.
+/// Reads the counts of `mine (0a1b2c3d): 240 evolution and 400 held-out scenes, 5 epochs, 30 attempts, 6400 rollouts; ...` and its like.
 fn of_run(sentence: &str) -> Vec<(String, String)> {
     let Some((run, rest)) = sentence.split_once(" (") else { return Vec::new() };
     let Some((root, rest)) = rest.split_once("): ") else { return Vec::new() };

@@ -75,13 +75,13 @@ fn badges(run: &RecordedRun, stage: &Stage) -> String {
     out
 }
 
-/// What happens in the scenes that the shown program gains; empty where nobody looked.
+/// Describes what happens in the scenes that the shown program gains; empty where nobody looked.
 fn gains_by(run: &RecordedRun, of: &Headline, stage: &Stage) -> String {
     let gained = run.result_of(&of.lineage).and_then(|result| stage.gained.get(&result.evolved.solution));
     gained.map(Gained::says).unwrap_or_default()
 }
 
-/// How many chosen programs fall short on the held-out scenes of the realism that the rule asks for; empty where none does.
+/// Says how many chosen programs fall short on the held-out scenes of the realism that the rule asks for; empty where none does.
 fn short_of_rule(run: &RecordedRun, of: &Headline, realism_min: f64) -> String {
     let results = || run.result.iter().flat_map(|result| &result.lineages).filter(|one| one.group == of.group);
     let realism = run.realism_name();
@@ -126,7 +126,7 @@ fn sign(verdict: Verdict) -> (&'static str, &'static str, &'static str) {
     }
 }
 
-/// That gains are not of the ego's driving, where most contacts are not preventable; empty where none is so.
+/// Warns that gains say little about the ego's driving where most contacts are not preventable; empty where no line is so.
 fn caution(headlines: &[Headline]) -> String {
     let share = |of: &Headline| 100.0 * (1.0 - of.preventable[0] as f64 / of.preventable[1].max(1) as f64);
     let shares: Vec<f64> = headlines.iter().filter(|of| of.weigh).map(share).collect();
@@ -148,7 +148,7 @@ fn caution(headlines: &[Headline]) -> String {
     )
 }
 
-/// What the numbers of the sentences are.
+/// Explains the numbers of the sentences.
 fn measures(run: &RecordedRun, headlines: &[Headline]) -> String {
     let subject = if headlines.len() > 1 { "Each line has" } else { "The line has" };
     let setting = &run.declared.setting;

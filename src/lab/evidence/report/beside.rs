@@ -1,4 +1,4 @@
-//! What a page tells beside the run's events.
+//! Contents of a page beside the run's events.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -10,34 +10,34 @@ use crate::archive::SelectorOptions;
 use crate::objects::cost::RunCost;
 use crate::objects::{FlowStep, SolutionId};
 
-/// What a page tells beside the run's events.
+/// Contents of a page beside the run's events.
 pub struct Beside<'a> {
     /// The experiment's rule by which a program is chosen.
     pub selector: &'a SelectorOptions,
-    /// What the run cost, where that is known.
+    /// Cost of the run, where that is known.
     pub cost: Option<&'a RunCost>,
-    /// What patches of reported programs account for, where that was worked out.
+    /// Contributions of the patches of reported programs, where they were worked out.
     pub credits: &'a [Credit],
-    /// How far another simulator's run agrees, where one was compared.
+    /// Agreement with another simulator's run, where one was compared.
     pub agreement: Option<&'a agreement::Report>,
     /// Other runs that are compared with it, in the order in which they were named.
     pub others: &'a [Other],
-    /// What the contracts of its families say of its programs.
+    /// Words of its families' contracts about its programs.
     pub words: &'a Words,
-    /// How far a run should go that is not finished, where the page is to follow it.
+    /// Full length of an unfinished run, where the page is to follow it.
     pub live: Option<Live>,
 }
 
 /// Programs in the words of their families' contracts, which the record does not hold.
 #[derive(Clone, Debug, Default)]
 pub struct Words {
-    /// Of each chosen program what it does otherwise than its lineage's parent, part by part.
+    /// For each chosen program, its differences from its lineage's parent, part by part.
     pub changes: BTreeMap<SolutionId, Vec<String>>,
-    /// Of each chosen program what it does with a scene, step by step.
+    /// For each chosen program, what it does with a scene, step by step.
     pub flows: BTreeMap<SolutionId, Vec<FlowStep>>,
-    /// Of each chosen program in how many held-out scenes each of its rules holds, in their order; and how many there are.
+    /// For each chosen program, the number of held-out scenes in which each of its rules holds, in their order; and the number of scenes.
     pub rules_hold: BTreeMap<SolutionId, (Vec<usize>, usize)>,
-    /// What the names in expressions mean, with their units.
+    /// Meanings of the names in expressions, with their units.
     pub meanings: BTreeMap<String, String>,
 }
 

@@ -1,11 +1,11 @@
-//! What each patch of a reported program accounts for, as the page shows it.
+//! Contribution of each patch of a reported program, as the page shows it.
 
 use serde_json::{Value, json};
 
 use crate::evidence::credit::{Credit, EditCredit, Gain};
 use crate::objects::SolutionId;
 
-/// Of the program that a lineage reports; `None` where nobody worked it out.
+/// Returns the contributions in the program that a lineage reports; `None` where nobody worked them out.
 pub fn of(credits: &[Credit], reported: &SolutionId) -> Option<Value> {
     let credit = credits.iter().find(|of| of.program == *reported)?;
     let edit = |edit: &EditCredit| {

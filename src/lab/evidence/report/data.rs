@@ -1,4 +1,4 @@
-//! What the page shows, as one JSON value: the story of the run in the shapes that the page's script draws.
+//! Data of the page, as one JSON value: the story of the run in the shapes that the page's script draws.
 
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
@@ -257,7 +257,7 @@ fn attempts(run: &RecordedRun, names: &Names, in_full_max: usize) -> Vec<Value> 
     run.attempts.iter().map(shown).collect()
 }
 
-/// What the charts, the tree and the list show of an attempt.
+/// Returns what the charts, the tree and the list show of an attempt.
 fn fields(names: &Names, attempt: &Attempt) -> Value {
     let candidate = attempt.exit.candidate();
     // `[class, how many]` of the contacts that count as attacks.
@@ -345,7 +345,7 @@ fn reviews(round: &Round) -> Vec<Value> {
     round.reviews.iter().map(|review| json!([role(review.role), review.decision, review.blockers])).collect()
 }
 
-/// With six decimals: more than any chart or line of the page shows.
+/// Rounds to six decimals: more than any chart or line of the page shows.
 fn short(value: Value) -> Value {
     match value {
         Value::Number(n) if n.is_f64() => json!(num::rounded(n.as_f64().unwrap_or_default(), 6)),

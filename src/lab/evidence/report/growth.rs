@@ -1,4 +1,4 @@
-//! How a lineage's front grew, on one set of scenes: the archive's own hypervolume rests on all scenes used so far, so it also moves when
+//! Growth of a lineage's front on one set of scenes: the archive's own hypervolume rests on all scenes used so far, so it also moves when
 //! scenes are added.
 
 use serde_json::{Value, json};

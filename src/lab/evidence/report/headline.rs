@@ -12,39 +12,39 @@ use crate::objects::{LineageId, Met, SceneScore, SolutionId, event::LineageResul
 use crate::sim::Fault;
 use crate::text::counted;
 
-/// What came of a lineage of the experiment, all its repetitions together.
+/// Result of a lineage of the experiment, all its repetitions together.
 #[derive(Clone, Debug, Serialize)]
 pub struct Headline {
     /// The lineage of the experiment file.
     pub group: LineageId,
-    /// What people call it: its method against its ego.
+    /// Name that people call it by: its method against its ego.
     pub called: String,
     /// The repetition that gained most attack: its program is the one that is shown.
     pub lineage: LineageId,
-    /// How often the search was repeated.
+    /// Number of repetitions of the search.
     pub searches: usize,
     pub verdict: Verdict,
-    /// Behind the lineage's name.
+    /// Sentence that follows the lineage's name.
     pub says: String,
-    /// What the shown program does otherwise; empty where the parent stays.
+    /// Differences of the shown program from its parent; empty where the parent stays.
     pub mechanism: String,
-    /// How often the shown program attacks and how often its parent, and in how many scenes only one of them does; empty where that says
-    /// nothing.
+    /// Text on how often the shown program attacks and how often its parent, and in how many scenes only one of them does; empty where that
+    /// says nothing.
     pub shares: String,
-    /// What its contacts say of the ego's driving; empty where nothing was assessed.
+    /// Text on what its contacts say of the ego's driving; empty where nothing was assessed.
     pub contacts_say: String,
-    /// Whether most of them say nothing of it, because they are not preventable.
+    /// True if most of them say nothing of it, because they are not preventable.
     pub weigh: bool,
     /// Chosen minus parent on the held-out scenes.
     pub attack: Option<Estimate>,
     pub realism: Option<Estimate>,
-    /// Of the contacts that count, the share of each class, the largest first; of the shown program.
+    /// Number of contacts of each class among those that count, the largest first; of the shown program.
     pub contacts: Vec<(String, usize)>,
-    /// How many of them are preventable, and of how many that was assessed.
+    /// Number of them that are preventable, and number that was assessed.
     pub preventable: [usize; 2],
 }
 
-/// What the held-out scenes say.
+/// Verdict of the held-out scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -64,7 +64,7 @@ pub enum Verdict {
     Plain,
 }
 
-/// Of each lineage of the experiment the repetition that a page shows, in the order of their headlines; none while the run is unfinished.
+/// Returns, for each lineage of the experiment, the repetition that a page shows, in the order of headlines; empty while the run is unfinished.
 pub fn shown(run: &RecordedRun) -> Vec<LineageId> {
     headlines(run).into_iter().map(|headline| headline.lineage).collect()
 }
@@ -158,7 +158,7 @@ fn headline(run: &RecordedRun, group: &LineageId, of: &[&LineageResult]) -> Opti
     })
 }
 
-/// Which way an interval lies, as it is printed; 0 where it holds no difference, or where there is none.
+/// Returns the sign of an interval, as it is printed; 0 where the interval contains 0, or where there is none.
 fn side(of: Option<Estimate>) -> i8 {
     match of.and_then(|of| of.interval).map(|ends| ends.map(|end| num::rounded(end, 3))) {
         Some([low, _]) if low > 0.0 => 1,
@@ -180,7 +180,7 @@ fn verdict(attack: Option<Estimate>, realism: Option<Estimate>) -> Verdict {
     }
 }
 
-/// Which realism a line compares.
+/// Returns the name of the realism that a line compares.
 fn realism_word(run: &RecordedRun) -> &'static str {
     if run.rounds.is_empty() { "realism" } else { "ARS" }
 }
@@ -252,7 +252,7 @@ fn shares(run: &RecordedRun, of: &LineageResult, verdict: Verdict) -> String {
     )
 }
 
-/// In what share of the scenes both act, where that differs much: realism is over these.
+/// Says in what share of the scenes each of both acts, where that differs much: realism is over these.
 fn acts(of: &LineageResult) -> String {
     let (is, was) = (of.evolved.coverage, of.parent.coverage);
     let percent = |share: f64| num::fixed(100.0 * share, 0);
@@ -263,7 +263,7 @@ fn acts(of: &LineageResult) -> String {
     }
 }
 
-/// Where one program has no share of scenes of its own: the parent stays, or attack is a score.
+/// Returns `true` if one program has no share of scenes of its own: the parent stays, or attack is a score.
 fn says_nothing(run: &RecordedRun, verdict: Verdict) -> bool {
     matches!(verdict, Verdict::Parent | Verdict::Plain) || !run.rounds.is_empty() || run.opened.attack.is_some()
 }
@@ -275,7 +275,7 @@ fn moved(run: &RecordedRun, of: &LineageResult) -> [usize; 2] {
     [count(Became::Gained), count(Became::Lost)]
 }
 
-/// What share of the contacts that count is preventable, beside its parent's, and how many are rams from behind.
+/// Says what share of the counting contacts is preventable, beside the parent's, and how many are rams; true if that share is below half.
 fn contacts_say(run: &RecordedRun, of: &LineageResult, verdict: Verdict) -> (String, bool) {
     let percent = |[part, all]: [usize; 2]| num::fixed(100.0 * part as f64 / all as f64, 0);
     let is = preventable(run, &of.evolved.solution);
@@ -299,7 +299,7 @@ fn contacts_say(run: &RecordedRun, of: &LineageResult, verdict: Verdict) -> (Str
     (says + ".", weigh)
 }
 
-/// For how many of the contacts that count the ego is at fault, and of how many that is said; `None` where no outcome says it.
+/// Returns the number of counting contacts for which the ego is at fault, and the number that an outcome judges; `None` where none does.
 fn at_fault(run: &RecordedRun, solution: &SolutionId) -> Option<[usize; 2]> {
     let said: Vec<Fault> =
         counting(run, solution).filter_map(|met| met.fault.as_deref().and_then(Fault::named)).collect();

@@ -1,29 +1,29 @@
-//! What road users whom a program drives do in the scenes that it gains, measured in its rollouts and said in one sentence. The structure of
-//! a program says how it decides; this says what comes of it, for somebody who reads no program.
+//! Manoeuvres of the road users that a program drives in the scenes that it gains, measured in its rollouts and said in one sentence. The
+//! structure of a program says how it decides; this says what comes of it, for somebody who reads no program.
 
 use std::collections::BTreeMap;
 
 use crate::kernel::num;
 use crate::text::counted;
 
-/// What one road user did before the ego touched it.
+/// Manoeuvre of one road user before the ego touched it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Manoeuvre {
-    /// What people call it: a vehicle, an inserted cyclist.
+    /// Name that people call it by: a vehicle, an inserted cyclist.
     pub who: String,
-    /// Where it was when it left its recorded motion, or when it was brought in.
+    /// Place from which it came, when it left its recorded motion or was brought in.
     pub came: Approach,
-    /// From then on to the contact: its mean speed less the recorded one, m/s; `None` where nothing was recorded to the end.
+    /// Mean speed from then on to the contact less the recorded one, m/s; `None` where nothing was recorded to the end.
     pub faster_mps: Option<f64>,
     /// Distance of the contact from its recorded path, metres; `None` of one that was brought in.
     pub aside_m: Option<f64>,
-    /// From then on to the contact: its mean speed, m/s.
+    /// Mean speed from then on to the contact, m/s.
     pub speed_mps: f64,
-    /// From then on to the contact, seconds.
+    /// Time from then on to the contact, seconds.
     pub lasts_s: f64,
 }
 
-/// Where a road user was, as the ego saw it.
+/// Place of a road user, as the ego saw it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Approach {
     Behind,
@@ -34,7 +34,7 @@ pub enum Approach {
 }
 
 impl Approach {
-    /// From positions and headings in one frame; `reach_m` is half of both lengths together.
+    /// Derives the place from positions and headings in one frame; `reach_m` is half of both lengths together.
     pub fn of(ahead_m: f64, turned_rad: f64, reach_m: f64) -> Approach {
         match turned_rad.abs().to_degrees() {
             turned if turned > 135.0 => Approach::Towards,
@@ -59,17 +59,17 @@ impl Approach {
 /// The scenes that a program gains over its parent.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Gained {
-    /// How many there are.
+    /// Number of scenes.
     pub scenes: usize,
-    /// What happens in those that were looked at, drawn evenly.
+    /// Manoeuvres in those that were looked at, drawn evenly.
     pub seen: Vec<Manoeuvre>,
 }
 
-/// Less is told from recorded motion by nobody who looks: m/s and metres.
+/// Smallest difference from recorded motion that an onlooker notices: m/s and metres.
 const FELT: f64 = 0.5;
 
 impl Gained {
-    /// What happens mostly; empty where nothing was looked at.
+    /// Says what happens mostly; empty where nothing was looked at.
     pub fn says(&self) -> String {
         let mut kinds: BTreeMap<(&str, Approach), usize> = BTreeMap::new();
         for seen in &self.seen {
@@ -133,7 +133,7 @@ impl Gained {
     }
 }
 
-/// Who, and from where.
+/// Names a road user and the place from which it came.
 fn kind((who, came): &(&str, Approach)) -> String {
     let article = if who.starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" };
     format!("{article} {who} {}", came.says())

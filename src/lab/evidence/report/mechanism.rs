@@ -1,4 +1,4 @@
-//! What a chosen program does otherwise than its parent, for somebody who reads no program: a phrase for the first screen, every change in
+//! Differences of a chosen program from its parent, for somebody who reads no program: a phrase for the first screen, every change in
 //! words, its expressions as outlines, and the patches that led there.
 
 use serde_json::{Value, json};
@@ -47,7 +47,7 @@ pub fn of(run: &RecordedRun, result: &LineageResult, words: &Words) -> Option<Va
     }))
 }
 
-/// What a rule's condition is, and how often it holds where that was counted.
+/// Describes where a rule holds, and how often where that was counted.
 fn rule_holds(holds: Option<(usize, usize)>) -> String {
     let often = match holds {
         None => String::new(),
@@ -76,7 +76,7 @@ fn names(expression: &str) -> BTreeSet<String> {
     Expr::parse(expression).map(|expr| expr.names()).unwrap_or_default()
 }
 
-/// What is new, the most telling part first; more than a few changes are counted.
+/// Describes what is new, the most telling part first; counts what goes beyond a few changes.
 pub fn phrase(parent: &Program, chosen: &Program) -> String {
     let mut clauses = clauses(parent, chosen);
     let left = clauses.len().saturating_sub(CLAUSES_MAX);
@@ -145,7 +145,7 @@ fn clauses(parent: &Program, chosen: &Program) -> Vec<String> {
     counted_once(clauses)
 }
 
-/// What says most of an attack first.
+/// Slots of a program, those first that say most of an attack.
 const TELLING: [Slot; 8] =
     [Slot::Law, Slot::Actor, Slot::Timing, Slot::Motion, Slot::Search, Slot::Filter, Slot::Select, Slot::Diversity];
 

@@ -14,17 +14,17 @@ use crate::objects::{LineageId, SolutionId, event::Measured};
 pub struct Other {
     pub name: String,
     pub root: Digest,
-    /// Who proposed and what decided, in words.
+    /// Kind of search, by who proposed and what decided, in words.
     pub by: &'static str,
     /// A row a search that both have.
     pub rows: Vec<OtherRow>,
     /// The programs that it reports, by the lineages of the page's run that they are compared with.
     pub points: Vec<OtherPoint>,
-    /// What was left out, and why.
+    /// Omissions, with their reasons.
     pub notes: Vec<String>,
 }
 
-/// What two searches report, paired by scene.
+/// Reports of two searches, paired by scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct OtherRow {
     pub search: String,

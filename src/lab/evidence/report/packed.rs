@@ -127,7 +127,7 @@ mod tests {
     use crate::draw::Role;
     use proptest::prelude::*;
 
-    /// What `unpack.js` does.
+    /// Unpacks as `unpack.js` does.
     fn unpacked(packed: &Value) -> Vec<Option<[f64; 4]>> {
         let mut samples = vec![None; packed["steps"].as_u64().unwrap() as usize];
         for run in packed["runs"].as_array().unwrap() {

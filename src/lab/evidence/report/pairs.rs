@@ -1,4 +1,4 @@
-//! What became of each held-out scene under the parent and under the chosen program: the rows of the page's grid of scenes.
+//! Outcome of each held-out scene under the parent and under the chosen program: the rows of the page's grid of scenes.
 
 use serde_json::{Value, json};
 

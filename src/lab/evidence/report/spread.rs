@@ -1,4 +1,4 @@
-//! How sure a program's place in the plane is: both objectives over scenes drawn anew.
+//! Spread of a program's place in the plane: both objectives over scenes drawn anew.
 
 use super::super::tables::interval;
 use crate::kernel::{Seed, num};

@@ -1,4 +1,4 @@
-//! What the report plays: rollouts, and the scenes in which they happened.
+//! Rollouts that the report plays, and the scenes in which they happened.
 
 use std::collections::BTreeMap;
 
@@ -12,11 +12,11 @@ pub struct Stage {
     /// Scene id -> the scene as it was recorded.
     pub scenes: BTreeMap<String, Drawing>,
     pub rollouts: Vec<Playable>,
-    /// Rollouts that would be played, had they come to one.
+    /// Programs that would be played but have no rollout.
     pub unplayed: Vec<Unplayed>,
     /// Lineages that repeat one that is played with other draws.
     pub repetitions_left_out: usize,
-    /// Of each chosen program what happens in the scenes that it gains.
+    /// For each chosen program, what happens in the scenes that it gains.
     pub gained: BTreeMap<SolutionId, Gained>,
 }
 
@@ -25,7 +25,7 @@ pub struct Stage {
 pub struct Unplayed {
     pub solution: String,
     pub scene: String,
-    /// Why it cannot be compiled or rolled out there.
+    /// Reason why it cannot be compiled or rolled out there.
     pub reason: String,
 }
 
@@ -40,6 +40,6 @@ pub struct Playable {
     pub contact: Option<Contact>,
     /// One line on how it ended.
     pub caption: String,
-    /// Whether it came out as the record has it; `None` where the record holds no label of it.
+    /// True if it came out as the record has it; `None` where the record holds no label of it.
     pub as_recorded: Option<bool>,
 }

@@ -1,4 +1,4 @@
-//! What the words of the page mean, from `docs/GLOSSARY.md`: shown where a reader rests the pointer on one.
+//! Meanings of the page's words, from `docs/GLOSSARY.md`: shown where a reader rests the pointer on one.
 
 use std::collections::BTreeMap;
 

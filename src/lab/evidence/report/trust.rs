@@ -1,4 +1,4 @@
-//! Why the page can be believed, as far as it knows: badges, each with what it rests on and what it does not say.
+//! Reasons to believe the page, as far as it knows them: badges, each with what it rests on and what it does not say.
 
 use serde::Serialize;
 
@@ -11,13 +11,13 @@ use crate::text::{counted, in_words};
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Badge {
     pub standing: Standing,
-    /// In a few words.
+    /// Verdict in a few words.
     pub says: String,
-    /// What it rests on, and the command that goes further.
+    /// Basis of the badge, and the command that goes further.
     pub rests_on: String,
 }
 
-/// What a badge speaks for.
+/// Weight of a badge for or against the result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Standing {
@@ -78,7 +78,7 @@ pub fn badges(run: &RecordedRun, stage: &Stage) -> Vec<Badge> {
     badges
 }
 
-/// Who proposed the patches.
+/// Makes the badge on who proposed the patches.
 fn proposers(run: &RecordedRun) -> Badge {
     let (models, scripted) = (run.models(), run.scripted_roles());
     let actor = models.get("actor").map_or("nobody", String::as_str);

@@ -47,7 +47,7 @@ const PF_AREA: &str = "pf_area_at_3_pct";
 /// Keys of what is tested: the difference, and its p.
 const TESTED: [[&str; 2]; 2] = [["attack_change", "attack_p_holm"], ["realism_change", "realism_p_holm"]];
 
-/// What is said of a p, and of the 0 of no program.
+/// Source of a p, and of the 0 of no program.
 pub(super) const OF_RESAMPLES: Source = Source::Undivided(
     "it comes from the resamples of all differences of the table together; ask for the difference itself, `attack_change` or \
      `realism_change`",
@@ -130,7 +130,7 @@ impl<'a> Ablation<'a> {
         Ok((0..bases.runs.len()).map(one).collect())
     }
 
-    /// What it is called in a row: its method, and what it leaves out; the run's own name behind it.
+    /// Returns its name in a row: its method and what it leaves out, with the run's own name behind it.
     fn title(&self) -> String {
         let opened = &self.recorded.opened;
         let what = match (opened.without.as_slice(), method(self.recorded)) {
@@ -167,7 +167,7 @@ impl<'a> Ablation<'a> {
         Row { counts, proposals: labels::proposals(self.recorded), notes: Vec::new(), ..row }
     }
 
-    /// A row of what one side of all its lineages comes to, against another run.
+    /// Makes a row of the results of one side of all its lineages, against another run.
     fn own_row(&self, title: String, side: Side, whole: Option<&Ablation<'_>>, figures: Option<&Figures>) -> Row {
         let columns = columns(side, whole.map(|whole| whole.place));
         let mut row = self.row(vec![title], &self.lineages, &columns, figures);
@@ -347,7 +347,7 @@ fn width_columns() -> Vec<Sourced> {
     ]
 }
 
-/// How many proposals of a lineage something holds of, in the mean.
+/// Derives the mean number of a lineage's proposals for which something holds.
 fn counted(bases: &Derivations<'_>, row: &RowKey, what: &str, holds: fn(&Attempt) -> bool) -> Derivation {
     let part = |l: &LineageLabels| {
         let attempts = bases.runs[l.place].attempts.iter().filter(|attempt| attempt.lineage == l.lineage);
@@ -392,7 +392,7 @@ fn wall_clock_s(ablation: &Ablation<'_>, lineage: &LineageId) -> [f64; 2] {
     [serial + evaluation, parallel + evaluation]
 }
 
-/// How many proposals an epoch has: yield, and wall clock with a declared latency.
+/// Makes the table over the number of proposals in an epoch: yield, and wall clock with a declared latency.
 pub fn kwidth(recorded_runs: &[RecordedRun]) -> Result<Table, TableError> {
     let (bases, columns) = (Derivations::of(recorded_runs), width_columns());
     let all = Ablation::all(&bases)?;

@@ -1,4 +1,4 @@
-//! What a program did on scenes of any pool: the scenes without a program, the parent that it descends from, the program,
+//! Results of a program on scenes of any pool: the scenes without a program, the parent that it descends from, the program,
 //! and what it adds to its parent. Numbers and intervals are those of the paper's tables.
 
 use std::collections::BTreeMap;
@@ -19,7 +19,7 @@ use crate::objects::replay::{ReplayScene, Replayed};
 use crate::objects::{SceneScore, Score};
 use crate::statistics::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 
-/// What one program did.
+/// Results of one program.
 #[derive(Clone, Copy)]
 pub struct Played<'a> {
     pub name: &'a str,
@@ -147,7 +147,7 @@ fn table(
 
 const SCENES_PLAYED: Head = Head { key: "scenes", ..SCENES };
 
-/// How the difference of two such numbers is written.
+/// Returns the form of the difference of two such numbers.
 fn changed(form: Form) -> Form {
     match form {
         Form::Percent => Form::Points,
@@ -242,7 +242,7 @@ fn once(part: PerScene) -> Quantity {
     vec![Search { id: part.suite, seeds: vec![part] }]
 }
 
-/// Which scenes: the streams of the bootstrap are named by them.
+/// Returns the digest of the scenes, by which the streams of the bootstrap are named.
 fn suite(of: &Applied<'_>) -> Digest {
     Digest::of_bytes(format!("{} {}", of.pool, of.scenes.join("\n")).as_bytes())
 }

@@ -1,4 +1,4 @@
-//! What a recorded SafeBench run holds of each lineage for the tables: the archive after every round, run by run.
+//! Archives of a recorded SafeBench run by lineage, for the tables: the archive after every round, run by run.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -23,7 +23,7 @@ pub struct LineageArchive {
     pub lineage: LineageId,
     /// Place of its run among those that the table is made from.
     pub place: usize,
-    /// Which repetition of its search it is, from 0.
+    /// Number of this repetition of its search, from 0.
     pub replica: u32,
     /// The run's name and the beginning of its root.
     pub run: String,
@@ -31,17 +31,17 @@ pub struct LineageArchive {
     pub method: Option<&'static Method>,
     /// The search whose repetition it is: the paper's method, or the lineage's id without its ego.
     pub name: String,
-    /// What tables call it.
+    /// Name in tables.
     pub label: String,
     /// Our name of the ego policy.
     pub ego: String,
     /// The ego as the paper calls it, or as we do.
     pub policy: String,
-    /// From the parent's scenes alone to the last round.
+    /// Rounds from the parent's scenes alone to the last one.
     pub rounds: Vec<Round>,
     /// Frontier gain of every group, percent.
     pub gains_pct: BTreeMap<Group, f64>,
-    /// What changes are measured against, round by round: the parent, drawn as often; empty where nobody drew it.
+    /// Baseline of changes, round by round: the parent, drawn as often; empty where nobody drew it.
     pub redrawn: Vec<Round>,
     /// Its frontier gains.
     pub redrawn_gains_pct: BTreeMap<Group, f64>,
@@ -49,11 +49,11 @@ pub struct LineageArchive {
     pub rollouts: usize,
     /// Kinds of the models that proposals came from.
     pub proposals: String,
-    /// Where there is no gain: what stopped it.
+    /// Reason why there is no gain, where there is none.
     pub stopped: Option<String>,
 }
 
-/// What balanced selection keeps after a round, or what one program did.
+/// Runs that balanced selection keeps after a round, or the runs of one program.
 #[derive(Clone, Debug, Default)]
 pub struct Round {
     pub runs: BTreeMap<Group, Vec<SafebenchRun>>,
@@ -71,12 +71,12 @@ pub struct Archived<'a> {
     pub redrawn_gains_pct: &'a BTreeMap<Group, f64>,
 }
 
-/// What an archive, or a draw of its groups, comes to.
+/// Scores of an archive, or of a draw of its groups.
 #[derive(Clone, Debug, Default)]
 pub struct Scores {
-    /// After each round.
+    /// Scores after each round.
     pub rounds: Vec<Option<Benchmark>>,
-    /// What these are compared with, round by round.
+    /// Scores that these are compared with, round by round.
     pub redrawn: Vec<Option<Benchmark>>,
     /// Mean frontier gain over the groups, percent.
     pub gain_pct: Option<f64>,
@@ -122,7 +122,7 @@ impl Round {
 }
 
 impl LineageArchive {
-    /// What it gives to a number; its programs are those that the leaves name.
+    /// Returns its part of a number; the part's programs are those that the leaves name.
     pub(super) fn part(&self, value: Option<f64>, leaves: Vec<Leaf>) -> Part {
         let mut programs: Vec<SolutionId> = leaves.iter().flat_map(|leaf| leaf.programs.clone()).collect();
         programs.sort();
@@ -131,7 +131,7 @@ impl LineageArchive {
         Part { replica: self.replica, programs, ..part }
     }
 
-    /// As a row's key names it.
+    /// Returns its name in a row's key.
     pub fn key(&self) -> Of<LineageId> {
         Of { run: self.place, of: self.lineage.clone() }
     }
@@ -141,7 +141,7 @@ impl LineageArchive {
         self.archived().groups()
     }
 
-    /// What intervals are drawn from.
+    /// Returns what intervals are drawn from.
     pub fn archived(&self) -> Archived<'_> {
         let LineageArchive { rounds, gains_pct, redrawn, redrawn_gains_pct, .. } = self;
         Archived { rounds, gains_pct, redrawn, redrawn_gains_pct }
@@ -271,14 +271,14 @@ fn published(recorded_run: &RecordedRun, result: &LineageResult) -> Option<&'sta
     METHODS.iter().filter(|_| as_published).find(own_id)
 }
 
-/// What tables call the method of a lineage in SafeBench's protocol: the paper's name where it is as published.
+/// Returns the name that tables give a lineage's method in SafeBench's protocol: the paper's name where it is as published.
 pub(super) fn method_label(recorded_run: &RecordedRun, result: &LineageResult) -> String {
     let own = METHODS.iter().find(|m| m.family == result.family.as_str());
     let titled = own.map_or(result.family.as_str(), |m| m.name);
     published(recorded_run, result).map_or_else(|| labels::label(titled, result), |method| method.name.to_string())
 }
 
-/// What one program did on the held-out routes.
+/// Returns the runs of one program on the held-out routes.
 fn played(recorded_run: &RecordedRun, result: &LineageResult, of: &Measured) -> Result<Round, TableError> {
     let (run, lineage) = (labels::run_name(recorded_run), result.lineage.clone());
     let measured = recorded_run.held_out.iter().find(|h| h.lineage == lineage && h.solution == of.solution);

@@ -1,5 +1,5 @@
-//! What a cell of a table is computed from: searches, their repetitions, programs, and scene by scene the recorded labels. Its
-//! number comes out again of these parts alone.
+//! Basis of a cell of a table: searches, their repetitions, programs, and scene by scene the recorded labels. Its
+//! number can be computed again from these parts alone.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use crate::statistics::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 /// A number of a label; `None` where the scene does not count.
 pub(super) type LabelRead = Arc<dyn Fn(&SceneScore) -> Option<f64> + Send + Sync>;
 
-/// How parts give the number.
+/// Rule by which parts give the number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Combine {
     /// Mean over searches of the mean over those repetitions that have a number.
@@ -26,9 +26,9 @@ pub(super) enum Combine {
     Percent,
 }
 
-/// Where a number comes from.
+/// Derivation of a number from its parts.
 pub struct Derivation {
-    /// How the parts give it, in words.
+    /// Rule by which the parts give it, in words.
     pub formula: String,
     pub(super) combine: Combine,
     /// The number before and the one after, where it relates two others.
@@ -38,7 +38,7 @@ pub struct Derivation {
     pub(super) read: Option<LabelRead>,
 }
 
-/// What one repetition of a search gives.
+/// Contribution of one repetition of a search.
 #[derive(Clone, Debug)]
 pub struct Repetition {
     /// Repetitions of one search are averaged before searches are.
@@ -47,33 +47,33 @@ pub struct Repetition {
     pub run: usize,
     /// Its lineage, or `replay/<ego>`.
     pub lineage: String,
-    /// From 0.
+    /// Number of the repetition, from 0.
     pub replica: u32,
-    /// Whose labels are read; where there are two, the first one's number is taken from the second one's.
+    /// Programs whose labels are read; where there are two, the first one's number is subtracted from the second one's.
     pub programs: Vec<SolutionId>,
     /// The number of this repetition, computed from its leaves; recorded as a whole where they have none.
     pub value: Option<f64>,
     pub leaves: Vec<Leaf>,
-    /// What its number is the mean of, where that is scenes.
+    /// Scenes that its number is the mean of; `None` where it is no such mean.
     pub(super) scenes: Option<PerScene>,
     /// The number as the run's result has it, where its value is worked out again: a table shows this one, so `why` can tell when they part.
     pub(super) sealed: Option<f64>,
-    /// How a number comes about that is no sum over leaves, step by step.
+    /// Derivation, step by step, of a number that is no sum over leaves.
     pub steps: Vec<String>,
 }
 
-/// What stands at the bottom: a scene with its labels, a selected run, or a proposal.
+/// Lowest level of a derivation: a scene with its labels, a selected run, or a proposal.
 #[derive(Clone, Debug)]
 pub struct Leaf {
     /// Scene or attempt.
     pub name: String,
-    /// What it gives; `None` where it does not count, or only together with others.
+    /// Its contribution; `None` where it does not count, or only together with others.
     pub value: Option<f64>,
     /// Programs whose label of this scene is read.
     pub programs: Vec<SolutionId>,
     /// The proposal, where proposals are counted.
     pub attempt: Option<AttemptId>,
-    /// What balanced selection keeps after a round.
+    /// Run that balanced selection keeps after a round.
     pub selected: Option<Selected>,
     /// A number that no label holds, in words.
     pub note: Option<String>,
@@ -100,7 +100,7 @@ impl Leaf {
 }
 
 impl Repetition {
-    /// Of a place among the runs and a lineage.
+    /// Makes a repetition of a place among the runs and a lineage.
     pub(super) fn of(
         search: String,
         (run, lineage): (usize, String),
@@ -111,7 +111,7 @@ impl Repetition {
         Repetition { search, run, lineage, replica: 0, programs, value, leaves, scenes: None, sealed: None, steps }
     }
 
-    /// With the mean over these scenes for its number.
+    /// Takes the mean over these scenes for its number.
     pub(super) fn over(self, scenes: PerScene) -> Repetition {
         Repetition { value: mean(&scenes), scenes: Some(scenes), ..self }
     }
@@ -122,7 +122,7 @@ fn mean(scenes: &PerScene) -> Option<f64> {
     num::mean(&scenes.values.iter().copied().flatten().collect::<Vec<f64>>())
 }
 
-/// Mean over searches of the mean over those repetitions that have a number; none where a search has no such.
+/// Mean over searches of the mean over those repetitions that have a number; `None` where a search has no such repetition.
 fn mean_of(quantity: &Quantity) -> Option<f64> {
     let of_search = |search: &Search| num::mean(&search.seeds.iter().filter_map(mean).collect::<Vec<f64>>());
     num::mean(&quantity.iter().map(of_search).collect::<Option<Vec<f64>>>()?)
@@ -155,7 +155,7 @@ impl Derivation {
         }
     }
 
-    /// What the number is a mean of, and its interval is drawn from: of every search the repetitions, scene by scene or by one number each.
+    /// Returns what the number is a mean of and its interval is drawn from: the repetitions of every search, scene by scene or by one number each.
     pub(super) fn quantity(&self) -> Quantity {
         self.quantity_of(|part| part.sealed.or(part.value))
     }
@@ -184,7 +184,7 @@ impl Derivation {
         of.searches().iter().map(search).collect()
     }
 
-    /// Whether its number varies over scenes, or over the repetitions of a search.
+    /// Returns `true` if its number varies over scenes, or over the repetitions of a search.
     fn is_drawn(&self) -> bool {
         let scenes = || self.parts.iter().any(|part| part.scenes.is_some());
         let repeated = || self.searches().iter().any(|parts| parts.len() > 1);

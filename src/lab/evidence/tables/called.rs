@@ -1,4 +1,4 @@
-//! What people call a lineage.
+//! Names that people call lineages by.
 
 use super::paper::safebench::METHODS;
 use super::{archives, labels};

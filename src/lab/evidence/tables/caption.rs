@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::layout::{RunSource, Table};
 use crate::text::counted;
 
-/// What several runs say, each once, in their order.
+/// Returns what several runs say, each statement once, in their order.
 fn each_once(runs: &[RunSource], part: impl Fn(&RunSource) -> String) -> Option<String> {
     let mut seen = BTreeSet::new();
     let said: Vec<String> =
@@ -13,7 +13,7 @@ fn each_once(runs: &[RunSource], part: impl Fn(&RunSource) -> String) -> Option<
     (!said.is_empty()).then(|| said.join(" or "))
 }
 
-/// Who proposed, in words: the models of the actor and of the repair, and of the critics where those are others.
+/// Names who proposed: the models of the actor and of the repair, and of the critics where those are others.
 fn proposer(run: &RunSource) -> String {
     let words = |label: &String| match label.split(' ').next() {
         Some("scripted") => "a rule-based stand-in, no language model".to_string(),

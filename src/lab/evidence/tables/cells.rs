@@ -2,11 +2,11 @@
 
 use super::layout::{Cell, Head, PROPOSALS, Part, Row, Table};
 
-/// How a format spells what is the same in all.
+/// Spellings by a format of what is the same in all formats.
 pub struct Spelling {
     /// Text as it prints.
     pub text: fn(&str) -> String,
-    /// In place of a number that is not there.
+    /// Text in place of a number that is not there.
     pub none: &'static str,
     /// Opens the paper's line.
     pub paper: &'static str,

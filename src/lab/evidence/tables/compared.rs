@@ -11,7 +11,7 @@ use crate::objects::{RealismMean, RealismSums, SceneScore, SolutionId, realism_n
 use crate::statistics::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 use crate::statistics::student;
 
-/// On which scenes two programs are compared.
+/// Scenes on which two programs are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Paired {
@@ -30,22 +30,22 @@ pub struct Compared {
     pub second: Estimate,
     /// Second minus first, drawn scene by scene.
     pub difference: Estimate,
-    /// What would show a difference of this size; absent for what is no mean over scenes.
+    /// Scenes and seeds that would show a difference of this size; absent for what is no mean over scenes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub needed: Option<Needed>,
 }
 
-/// How many scenes and seeds show a difference of the size that was measured at 5 % with 80 % power, paired, by the variance that was measured.
+/// Numbers of scenes and seeds that show a difference of the measured size at 5 % with 80 % power, paired, by the measured variance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Needed {
-    /// By the spread between scenes, of the mean over seeds.
+    /// Number of scenes by the spread between scenes, of the mean over seeds.
     pub scenes: Option<usize>,
-    /// By the spread between seeds, of the mean over scenes.
+    /// Number of seeds by the spread between seeds, of the mean over scenes.
     pub seeds: Option<usize>,
 }
 
 impl Needed {
-    /// From the change in each scene of each seed.
+    /// Derives both from the change in each scene of each seed.
     fn by(changes: &[Vec<Option<f64>>], difference: f64) -> Needed {
         let known = |of: &mut dyn Iterator<Item = Option<f64>>| num::mean(&of.flatten().collect::<Vec<_>>());
         let scenes = changes.iter().map(Vec::len).max().unwrap_or_default();
@@ -103,7 +103,7 @@ pub struct Drawn {
 }
 
 impl Drawn {
-    /// As the tables draw the held-out scenes of a run, so that one quantity has one interval everywhere.
+    /// Returns the scenes as the tables draw the held-out ones of a run, so that one quantity has one interval everywhere.
     pub fn held_out(run: &RecordedRun) -> Option<Drawn> {
         Some(Drawn { suite: suite(run).ok()?, scenes: run.opened.held_out_scenes.clone() })
     }
@@ -171,7 +171,7 @@ pub fn compared_labels(first: &[SceneScore], second: &[SceneScore], drawn: Optio
     if pairs.is_empty() { Vec::new() } else { quantities(&[pairs], drawn, true) }
 }
 
-/// Of one search or several seeds of it, each with its pairs.
+/// Compares every quantity of one search or several seeds of it, each with its pairs.
 fn quantities(seeds: &[Vec<Pair<'_>>], drawn: Option<&Drawn>, with_strict: bool) -> Vec<Compared> {
     let by_name = Drawn::by_name(seeds);
     let drawn = drawn.unwrap_or(&by_name);

@@ -1,4 +1,4 @@
-//! What lies behind attack in the MetaDrive protocol: contacts by class, and the readings of published work beside ours.
+//! Contacts behind attack in the MetaDrive protocol: their classes, and the readings of published work beside ours.
 
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ const ANY: Column = column("any_contact", "Published", "Anyone", Form::Rate);
 const CLASS_HEADS: [&str; 8] =
     ["Ego strikes", "Ego sideswipes", "Standing", "Cut-in", "Crossing", "Head-on", "Sideswipe", "Ego rear-ended"];
 
-/// Which of a lineage's programs.
+/// Head of the column that names one of a lineage's programs.
 const PROGRAM: Head = Head { key: "program", head: "Program" };
 
 /// Contacts of every parent and evolved generator on held-out scenes, a row a program and ego.
@@ -72,7 +72,7 @@ pub(super) fn readings() -> Vec<(Column, Read, String)> {
     plain.into_iter().chain(ContactClass::ALL.into_iter().zip(CLASS_HEADS).map(of_class)).collect()
 }
 
-/// What a contact of a class is in words.
+/// Describes a contact of a class in words.
 fn of_class(class: &str) -> String {
     format!("1 where the ego meets an adversary in a contact of class {class}, else 0")
 }

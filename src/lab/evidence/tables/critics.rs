@@ -59,7 +59,7 @@ fn by(attempt: &Attempt, critic: Role) -> bool {
     first_reviews(attempt).any(|review| review.role == critic && objects(review))
 }
 
-/// What critics did in these runs.
+/// Makes the table of what critics did in these runs.
 pub fn actor_critic(runs: &[RecordedRun]) -> Result<Table, TableError> {
     shares::table(&SPEC, runs)
 }

@@ -1,5 +1,5 @@
-//! How the cells of tables come about from recorded runs. A column holds its [`Source`]: from what that derives a table takes the
-//! number, and `why` and `impact` ask for it again.
+//! Derivation of the cells of tables from recorded runs. A column holds its [`Source`]: a table takes the number from what that derives,
+//! and `why` and `impact` ask for it again.
 
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
@@ -18,7 +18,7 @@ use crate::objects::event::LineageResult;
 use crate::objects::replay::ReplayScene;
 use crate::objects::{LabelRules, LineageId, RealismMean, SceneScore, SolutionId};
 
-/// What a cell is computed from.
+/// Source that a cell is computed from.
 #[derive(Clone)]
 pub enum Source {
     /// Made when it is asked for: all leaves of all cells would fill the memory.
@@ -36,7 +36,7 @@ impl fmt::Debug for Source {
 }
 
 impl Source {
-    /// Of records that are not those of runs.
+    /// Source of cells whose records are not those of runs.
     pub const ELSEWHERE: Source = Source::Undivided("its records are not those of a run");
 
     pub(super) fn of(
@@ -60,7 +60,7 @@ impl Source {
         Source::of(move |bases, row| bases.means(&bases.lineages_of(row), side, read.clone(), &what))
     }
 
-    /// What a row's number rests on; `None` where there is none, or no parts of it.
+    /// Returns what a row's number rests on; `None` where there is no number, or no parts of it.
     pub fn derivation(&self, bases: &Derivations<'_>, row: &RowKey) -> Option<Derivation> {
         if let Source::Derived(derive) = self { derive(bases, row) } else { None }
     }
@@ -71,19 +71,19 @@ pub(super) type ReplayRead = fn(&ReplayScene, &LabelRules) -> Option<f64>;
 
 type ByProgram<'s> = BTreeMap<(&'s SolutionId, &'s str), &'s SceneScore>;
 
-/// What cells are derived from: the records of runs, each gathered once it is asked for.
+/// Records of runs that cells are derived from, each gathered once, when it is first asked for.
 pub struct Derivations<'s> {
     pub(super) runs: &'s [RecordedRun],
-    /// By run: labels by program and scene.
+    /// Labels by run, program and scene.
     labels: OnceCell<Vec<ByProgram<'s>>>,
-    /// By run.
+    /// Lineages by run.
     lineages: OnceCell<Vec<Vec<LineageLabels>>>,
     archives: OnceCell<Vec<LineageArchive>>,
     held_out: OnceCell<Vec<LineageArchive>>,
     replays: OnceCell<Vec<ReplayLabels>>,
 }
 
-/// What is gathered there; the first time it may fail.
+/// Returns the value; gathers it first where that was not done yet, which may fail.
 fn once<T>(known: &OnceCell<T>, gather: impl FnOnce() -> Result<T, TableError>) -> Result<&T, TableError> {
     if let Some(known) = known.get() {
         return Ok(known);
@@ -93,7 +93,7 @@ fn once<T>(known: &OnceCell<T>, gather: impl FnOnce() -> Result<T, TableError>) 
 }
 
 impl<'s> Derivations<'s> {
-    /// Of tables that were made from these runs.
+    /// Begins with nothing gathered, for tables that were made from these runs.
     pub fn of(runs: &'s [RecordedRun]) -> Derivations<'s> {
         let [archives, held_out] = [OnceCell::new(), OnceCell::new()];
         let (labels, lineages, replays) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
@@ -134,7 +134,7 @@ impl<'s> Derivations<'s> {
         once(&self.archives, || archives::lineages(self.runs))
     }
 
-    /// What their parents and chosen programs did on held-out routes.
+    /// Returns what their parents and chosen programs did on held-out routes.
     pub(super) fn held_out(&self) -> Result<&Vec<LineageArchive>, TableError> {
         once(&self.held_out, || archives::held_out(self.runs))
     }
@@ -256,7 +256,7 @@ impl<'s> Derivations<'s> {
     }
 }
 
-/// How a formula begins.
+/// Beginning of a formula.
 pub(super) const SEARCHES: &str = "mean over searches of the mean over their repetitions of";
 
 fn programs(side: Side, result: &LineageResult) -> Vec<SolutionId> {

@@ -1,4 +1,4 @@
-//! Why runs give no table.
+//! Reasons why runs give no table.
 
 use crate::kernel::canon::CanonError;
 use crate::objects::{LineageId, SolutionId};

@@ -1,9 +1,9 @@
-//! How numbers of tables are written.
+//! Forms in which tables write numbers.
 
 use crate::kernel::num;
 use crate::statistics::bootstrap::Estimate;
 
-/// How a column's numbers are written, as the paper writes them.
+/// Form of a column's numbers, as the paper writes them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
     /// `0.345`, a share

@@ -1,4 +1,4 @@
-//! How PF-Area@3 of a lineage comes about: the parent's point, the descendants' points, and the area that they span.
+//! Derivation of a lineage's PF-Area@3: the parent's point, the descendants' points, and the area that they span.
 
 use crate::archive::{ArchiveOptions, hypervolume, non_dominated, pf_area_pct, point};
 use crate::evidence::recorded_run::RecordedRun;
@@ -12,7 +12,7 @@ const DESCENDANTS: usize = 3;
 pub(super) struct Spanned {
     /// PF-Area@3, percent.
     pub gain_pct: f64,
-    /// What the parent spans, and what it spans with its descendants, 1.
+    /// Area spanned by the parent, and by the parent with its descendants; dimensionless.
     pub areas: [f64; 2],
     /// Its parts in words, a line each.
     pub steps: Vec<String>,

@@ -1,4 +1,4 @@
-//! What a search gained, told so that it cannot be bought: the attack that its finalists reach at several floors of realism, areas in
+//! Gain of a search, measured so that it cannot be bought: the attack that its finalists reach at several floors of realism, areas in
 //! absolute units, and the gain over null searches instead of over nothing.
 
 use std::collections::BTreeSet;
@@ -46,7 +46,7 @@ const READ: [(Column, Side); 6] = [
     (rate("floor_middle", FLOORS, "Middle"), Side::AtFloor(1)),
     (rate("floor_high", FLOORS, "High"), Side::AtFloor(2)),
 ];
-/// Which of a lineage's areas a column shows: a number of what spans its front.
+/// Area of a lineage that a column shows: a number of what spans its front.
 type Area = fn(&Spanned) -> f64;
 const AREAS: [(Column, Area); 3] = [
     (rate("area_parent", AREA, "Parent"), |of| of.areas[0]),
@@ -127,13 +127,12 @@ pub fn metadrive_gains(runs: &[RecordedRun]) -> Result<Table, TableError> {
     table(NAME, (title, None), heads(&columns), rows, notes, runs)
 }
 
-/// Whether a null search was made for every repetition of these. A mean over those that it was made for would say something of whom it was
-/// made for.
+/// Returns `true` if a null search was made for every repetition of these. A mean over fewer would depend on which ones it was made for.
 fn is_matched(of: &[&LineageLabels], null: &[&LineageLabels]) -> bool {
     of.iter().all(|own| own.counterpart(null.iter().copied()).is_some())
 }
 
-/// What a null search was not made for.
+/// Names the searches that a null search was not made for; `None` where there are none.
 fn without_counterpart(own: &[&LineageLabels], null: &Null, labels: &[&LineageLabels]) -> Option<String> {
     // Without a run every cell below the column is empty, which says it.
     labels.first()?;

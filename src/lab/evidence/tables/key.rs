@@ -1,4 +1,4 @@
-//! What a row of a table is about, beside how it is called. Whoever asks for the labels behind a number finds them by this key, so
+//! Subject of a table's row, as opposed to its name. Whoever asks for the labels behind a number finds them by this key, so
 //! neither a label's wording nor the order of rows can lead to another row's labels.
 
 use crate::objects::LineageId;
@@ -10,7 +10,7 @@ pub struct Of<T> {
     pub of: T,
 }
 
-/// What a row is about.
+/// Subject of a row.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RowKey {
     /// Scenes without a program, each under an ego.
@@ -21,21 +21,21 @@ pub enum RowKey {
     Elsewhere,
 }
 
-/// Which of a lineage's programs a number is read off.
+/// Program of a lineage that a number is read off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
     Parent,
     Evolved,
     /// The best descendant; there is no number where a lineage has none.
     Endpoint,
-    /// Whom the rule chooses at one of the declared floors of realism, counted from the lowest; there is no number where none are.
+    /// Program that the rule chooses at one of the declared floors of realism, counted from the lowest; there is no number where none are.
     AtFloor(usize),
     /// Evolved minus parent, on the scenes that count for both.
     Change,
 }
 
 impl RowKey {
-    /// Whether the row is about a lineage of a run.
+    /// Returns `true` if the row is about a lineage of a run.
     pub(super) fn has(&self, run: usize, lineage: &LineageId) -> bool {
         matches!(self, RowKey::Lineages(of) if of.iter().any(|own| own.run == run && own.of == *lineage))
     }

@@ -1,4 +1,4 @@
-//! What a recorded run holds of each lineage for the tables: held-out labels scene by scene, and what they rest on.
+//! Labels of a recorded run by lineage, for the tables: held-out labels scene by scene, and what they rest on.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -66,27 +66,27 @@ pub const PENALTY_PCT: Reading = Reading {
 pub const SUCCESS_PENALTY_PCT: Reading = reading("100 (1 - realism) where the program succeeds", |scene| {
     (scene.attack > 0.0).then_some(100.0 * (1.0 - scene.realism))
 });
-/// Whether a realism diagnostic fails outright, of the scenes that the program acts in.
+/// 1 if a realism diagnostic fails outright, else 0; of the scenes that the program acts in.
 pub const FAILS: Reading =
     reading("1 where the program acts and some realism diagnostic is below .5, else 0 where it acts", |scene| {
         scene.acted.then_some(share(scene.fails_outright()))
     });
 /// 100 (1 - r), percent, over all scenes, 0 where the program does not act: the paper's plain mean.
 pub const PENALTY_ALL_PCT: Reading = reading("100 (1 - realism)", |scene| Some(100.0 * (1.0 - scene.realism)));
-/// Whether the program acts.
+/// 1 if the program acts, else 0.
 pub const ACTED: Reading = reading("1 where the program acts, else 0", |scene| Some(share(scene.acted)));
-/// Whether the ego met anyone (MetaDrive's crash flag, on which CAT's success rests).
+/// 1 if the ego met anyone, else 0 (MetaDrive's crash flag, on which CAT's success rests).
 pub const ANY_CONTACT: Reading =
     reading("1 where the ego meets anyone, else 0", |scene| over_drivers(scene, |of| of.contact.is_some()));
-/// Whether the ego met an adversary, whoever caused it (CAT: the crash with its opponent).
+/// 1 if the ego met an adversary, whoever caused it, else 0 (CAT: the crash with its opponent).
 pub const ADVERSARY_CONTACT: Reading =
     reading("1 where the ego meets an adversary, else 0", |scene| met(scene, |of| of.adversary));
-/// Whether it met an adversary that it also runs into in plain replay.
+/// 1 if it met an adversary that it also runs into in plain replay, else 0.
 pub const MET_ANYWAY: Reading =
     reading("1 where the ego meets an adversary that it also meets in plain replay, else 0", |scene| {
         met(scene, |of| of.adversary && of.anyway)
     });
-/// Whether it met one and could have avoided that.
+/// 1 if it met one and could have avoided that, else 0.
 pub const AVOIDABLE_CONTACT: Reading =
     reading("1 where the ego meets an adversary and could have avoided it, else 0", |scene| {
         met(scene, |of| of.adversary && of.avoidable == Some(true))
@@ -108,7 +108,7 @@ pub fn share(holds: bool) -> f64 {
 }
 
 impl Labels {
-    /// By scene of a suite.
+    /// Orders the labels by the scenes of a suite.
     pub fn of(score: &Score, suite: &[String]) -> Labels {
         let by_scene: BTreeMap<&str, &SceneScore> = score.scenes.iter().map(|s| (s.scene.as_str(), s)).collect();
         Labels(suite.iter().map(|id| by_scene.get(id.as_str()).map(|scene| (*scene).clone())).collect())
@@ -136,7 +136,7 @@ pub struct ReplayLabels {
     pub suite: Digest,
     /// The ego as the paper calls it, or as we do; a planner by its name.
     pub policy: String,
-    /// By scene of the suite; `None` where a scene could not be played.
+    /// Replays by scene of the suite; `None` where a scene could not be played.
     pub scenes: Vec<Option<ReplayScene>>,
 }
 
@@ -146,7 +146,7 @@ impl ReplayLabels {
         PerScene { suite: self.suite, values: self.scenes.iter().map(|scene| of(scene.as_ref()?)).collect() }
     }
 
-    /// As a row's key names it.
+    /// Returns its name in a row's key.
     pub fn key(&self) -> Of<String> {
         Of { run: self.place, of: self.ego.clone() }
     }
@@ -182,7 +182,7 @@ pub struct LineageLabels {
     pub lineage: LineageId,
     /// Place of its run among those that the table is made from.
     pub place: usize,
-    /// Which repetition of its search it is, from 0.
+    /// Number of this repetition of its search, from 0.
     pub replica: u32,
     /// The run's name and the beginning of its root.
     pub run: String,
@@ -190,7 +190,7 @@ pub struct LineageLabels {
     pub method: Option<&'static Method>,
     /// The search whose repetition it is: the paper's method, or the lineage's id without its ego.
     pub name: String,
-    /// What tables call it: the method's name, with the id behind it where it is no method as published.
+    /// Name in tables: the method's name, with the id behind it where it is no method as published.
     pub label: String,
     /// Our name of the ego policy.
     pub ego: String,
@@ -202,7 +202,7 @@ pub struct LineageLabels {
     pub parent: Labels,
     pub evolved: Labels,
     pub endpoint: Option<Labels>,
-    /// Of the programs that the rule chooses at the declared floors of realism, from the lowest on; none where none are declared.
+    /// Labels of the programs that the rule chooses at the declared floors of realism, from the lowest on; empty where none are declared.
     pub at_floors: Vec<Labels>,
     /// These floors, 1.
     pub floors: Vec<f64>,
@@ -210,7 +210,7 @@ pub struct LineageLabels {
     pub rollouts: usize,
     /// Kinds of the models that proposals came from.
     pub proposals: String,
-    /// Where there is no gain: what stopped it.
+    /// Reason why there is no gain, where there is none.
     pub stopped: Option<String>,
 }
 
@@ -239,14 +239,14 @@ impl LineageLabels {
         others.into_iter().find(like)
     }
 
-    /// What it gives to a number.
+    /// Returns its part of a number.
     pub(super) fn part(&self, programs: Vec<SolutionId>, value: Option<f64>, leaves: Vec<Leaf>) -> Part {
         let of = (self.place, self.lineage.to_string());
         let part = Part::of(format!("{} {}", self.name, self.ego), of, value, leaves);
         Part { replica: self.replica, programs, ..part }
     }
 
-    /// As a row's key names it.
+    /// Returns its name in a row's key.
     pub fn key(&self) -> Of<LineageId> {
         Of { run: self.place, of: self.lineage.clone() }
     }
@@ -341,7 +341,7 @@ fn one(place: usize, recorded: &RecordedRun, result: &LineageResult) -> Result<L
     })
 }
 
-/// What tables call the method of a lineage in MetaDrive's protocol: the paper's name where it is as published.
+/// Returns the name that tables give a lineage's method in MetaDrive's protocol: the paper's name where it is as published.
 pub fn method_label(recorded: &RecordedRun, result: &LineageResult) -> String {
     method(recorded, result).map_or_else(|| label(titled(result), result), |method| method.name.to_string())
 }
@@ -351,7 +351,7 @@ pub fn policy(recorded: &RecordedRun, ego: &str) -> String {
     paper::policy(recorded.ego_name(ego))
 }
 
-/// What tables call a lineage that is no method as published: the method that it comes from, and its own id.
+/// Returns the name that tables give a lineage that is no method as published: the method that it comes from, and its own id.
 pub fn label(method: &str, result: &LineageResult) -> String {
     let id = Some(stem(result)).filter(|stem| *stem != result.family.as_str());
     format!("{method} ({})", id.unwrap_or(result.group.as_str()))

@@ -5,13 +5,13 @@ use super::latex_grid::{Cell, Column as GridColumn, Grid, blocks};
 use super::layout::{Column, Part, Row, Table};
 use super::page;
 
-/// What a document must have, and what it may set otherwise: how a caption begins, and whether notes are printed.
+/// Packages that a document must have, and commands that it may set otherwise: how a caption begins, and whether notes are printed.
 const HEAD: &str = "% needs \\usepackage{array,booktabs,longtable}\n\
     \\providecommand{\\evointerval}[2]{\\begin{tabular}[t]{@{}r@{}}#1\\\\[-0.5ex]{\\fontsize{6}{7}\\selectfont #2}\\end{tabular}}\n\
     \\providecommand{\\evotitle}[2]{\\caption{#2}\\label{tab:evodrive-#1}}\n\
     \\providecommand{\\evonote}[1]{\\par\\smallskip{\\footnotesize\\raggedright #1\\par}}\n";
 
-/// Which form a table takes.
+/// Form that a table takes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Form {
     /// Every column, in a long table; the form for a page stands beside it and is taken where `\evopage` is defined.

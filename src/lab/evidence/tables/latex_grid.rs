@@ -20,13 +20,13 @@ pub struct Column {
     /// Head over several columns; empty without one.
     pub group: String,
     pub head: String,
-    /// Whether more or less is better, as a sign.
+    /// Sign for whether more or less is better.
     pub arrow: &'static str,
     /// Words, set to the left.
     pub is_text: bool,
 }
 
-/// What stands in a place, spelled for LaTeX.
+/// Content of a place in the grid, spelled for LaTeX.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cell {
     pub text: String,
@@ -34,7 +34,7 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// Without an interval.
+    /// Makes a cell without an interval.
     pub fn text(text: String) -> Cell {
         Cell { text, interval: None }
     }
@@ -91,12 +91,12 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Whether a number has an interval below it.
+    /// Returns `true` if a number has an interval below it.
     pub fn has_intervals(&self) -> bool {
         self.rows.iter().flatten().any(|cell| cell.interval.is_some())
     }
 
-    /// Whether it fits one column of a page of two.
+    /// Returns `true` if it fits one column of a two-column page.
     pub fn fits_a_column(&self) -> bool {
         self.width_pt() <= COLUMN_PT
     }
@@ -121,14 +121,14 @@ impl Grid {
         }
     }
 
-    /// In a `tabular`.
+    /// Writes the grid as a `tabular`.
     pub fn tabular(&self, out: &mut String) {
         out.push_str(&format!("\\begin{{tabular}}{{{}}}\n\\toprule\n{}\\midrule\n", self.preamble(), self.heads()));
         self.lines(out);
         out.push_str("\\bottomrule\n\\end{tabular}\n");
     }
 
-    /// In a `longtable` that begins with this caption, or none.
+    /// Writes the grid as a `longtable` that begins with this caption, or with none.
     pub fn longtable(&self, out: &mut String, caption: &str) {
         let heads = self.heads();
         out.push_str(&format!(

@@ -20,7 +20,7 @@ pub struct Column {
     /// Head over several columns.
     pub group: &'static str,
     pub head: &'static str,
-    /// Whether more is better; `None` for plain counts.
+    /// True if more is better; `None` where neither is, as in plain counts.
     pub upward: Option<bool>,
     pub form: Form,
 }
@@ -94,7 +94,7 @@ pub const REPLAY: &str = "Replay (no program)";
 /// Numbers of a generator family.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// What it is about.
+    /// Subject of the row.
     pub key: RowKey,
     /// One a label of the table.
     pub labels: Vec<String>,
@@ -105,7 +105,7 @@ pub struct Row {
     /// One a count of the table.
     pub counts: Vec<usize>,
     pub proposals: String,
-    /// What stopped those lineages that show no gain.
+    /// Reasons that stopped the lineages without gain.
     pub notes: Vec<String>,
 }
 
@@ -114,7 +114,7 @@ impl Row {
         self.lineages.is_empty()
     }
 
-    /// What the number of the column with this key rests on; `None` where there is none, or no parts of it.
+    /// Returns what the number of the column with this key rests on; `None` where there is no number, or no parts of it.
     pub fn derivation(&self, key: &str, bases: &Derivations<'_>) -> Option<Derivation> {
         self.cells.iter().find(|cell| cell.column.key == key)?.source.derivation(bases, &self.key)
     }
@@ -132,13 +132,13 @@ impl Row {
         self.cells.iter().find(|cell| cell.column.key == key).unwrap()
     }
 
-    /// Whether the paper has this row.
+    /// Returns `true` if the paper has this row.
     pub fn in_paper(&self) -> bool {
         self.cells.iter().any(|cell| cell.paper.is_some())
     }
 }
 
-/// What one run contributed.
+/// Contribution of one run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RunSource {
     pub name: String,
@@ -149,7 +149,7 @@ pub struct RunSource {
     /// The egos of its lineages, each once.
     pub egos: Vec<String>,
     pub setting: Setting,
-    /// How often each of its searches was made.
+    /// Number of times that each of its searches was made.
     pub seeds: usize,
     pub evolution_scenes: usize,
     pub held_out_scenes: usize,
@@ -183,7 +183,7 @@ pub struct Table {
     /// Text columns before the numbers.
     pub labels: Vec<Head>,
     pub columns: Vec<Column>,
-    /// What the numbers rest on, after them.
+    /// Heads of the counts that the numbers rest on; they follow the numbers.
     pub counts: Vec<Head>,
     pub parts: Vec<Part>,
     pub runs: Vec<RunSource>,
@@ -215,7 +215,7 @@ impl Table {
         table
     }
 
-    /// What rows are chosen by: their first label, and all of them with `/` between where that is no choice of one.
+    /// Returns the names that rows are chosen by: the first label, which several rows may share, and all labels with `/` between.
     pub fn row_names(&self) -> Vec<String> {
         let mut names: Vec<String> = Vec::new();
         for row in self.rows().filter(|row| !row.missing()) {
@@ -245,7 +245,7 @@ impl Table {
         self.parts.iter().flat_map(|part| &part.rows)
     }
 
-    /// As one JSON object.
+    /// Returns the table as one JSON object.
     pub fn json(&self) -> Json {
         let row = |part: &Part, row: &Row| {
             let values: Map<String, Json> =

@@ -36,7 +36,7 @@ const PARENT_COVERAGE: Column = column("parent_coverage", "Parent", "Coverage", 
 /// A column with the side and the reading that its number is a mean of.
 pub(super) type Read = (Column, Side, Reading);
 
-/// What both tables show of parent and evolved generator.
+/// Columns of parent and evolved generator that both tables show.
 const BOTH: [Read; 10] = [
     (PARENT_ATTACK, Side::Parent, labels::ATTACK),
     (PARENT_CRASH, Side::Parent, labels::ANY_CONTACT),
@@ -248,13 +248,13 @@ pub(super) fn row(
     }
 }
 
-/// What counts as an attack where the experiment has no expression of its own. A run's events do not say which reading it counted, so
+/// Definition of attack where the experiment has no expression of its own. A run's events do not say which reading it counted, so
 /// the note is true of each.
 const PROTOCOLS_ATTACK: &str = "Attack: share of held-out scenes in which the ego fails by a contact with an adversary that the experiment \
                                 counts: any that the program brings about (published reading), one that the ego could have prevented \
                                 (preventable), or, where a file names neither, one that it caused or could have avoided.";
 
-/// What a reader must know beside the numbers.
+/// Returns the notes that a reader needs beside the numbers.
 fn notes(runs: &[RecordedRun], all: &[&LineageLabels], rows: &[Row], average: Option<String>) -> Vec<String> {
     let nothing = if runs.iter().any(|run| run.label_rules().counts_any_contact()) {
         "coverage 0, and where an experiment asks nothing of a contact, its attack is what the ego runs into anyway"

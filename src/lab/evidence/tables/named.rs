@@ -13,7 +13,7 @@ use super::safebench::{safebench_main, safebench_rounds};
 use super::unseen::safebench_held_out;
 use crate::evidence::recorded_run::RecordedRun;
 
-/// From runs to a table.
+/// Function that makes a table from runs.
 pub type Make = fn(&[RecordedRun]) -> Result<Table, TableError>;
 
 /// All tables by their names.

@@ -1,4 +1,4 @@
-//! What every table says of the runs that it was made from.
+//! Notes of every table on the runs that it was made from.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -47,7 +47,7 @@ fn egos(run: &RecordedRun) -> Vec<String> {
     named.into_iter().collect()
 }
 
-/// What the intervals of a table are, drawn over these units.
+/// Explains the intervals of a table, drawn over these units.
 pub fn intervals(over: &str) -> String {
     format!(
         "In brackets: 95 % intervals, by the percentile bootstrap over {over} ({} resamples, seed {}); where a search was repeated, Student's \
@@ -99,7 +99,7 @@ fn run(run: &RecordedRun) -> String {
     )
 }
 
-/// What intervals of searches that were not repeated do not hold; nothing where all were. `seeds` says how often each was made,
+/// Says what intervals of searches that were not repeated do not cover; `None` where all were. `seeds` says how often each was made,
 /// `unit` what the intervals are drawn over.
 pub fn one_seed(seeds: &[usize], unit: &str) -> Option<String> {
     let once = seeds.iter().filter(|count| **count == 1).count();
@@ -114,13 +114,13 @@ pub fn one_seed(seeds: &[usize], unit: &str) -> Option<String> {
     ))
 }
 
-/// How often each of these searches was made.
+/// Returns how often each of these searches was made.
 pub fn repeats<'a, T: Repeated + 'a>(all: impl Iterator<Item = &'a T>) -> Vec<usize> {
     searches::searches(all).iter().map(Vec::len).collect()
 }
 
-/// What the bootstrap cannot say where all scenes agree, under a table: see [`AllAlike`]. `scenes` is the place of the number of scenes
-/// among a row's counts, `is_share` which columns are shares of scenes. A row without a program is 0 by definition, and is passed over.
+/// Says, under a table, what the bootstrap cannot show where all scenes agree: see [`AllAlike`]. `scenes` is the place of the number of
+/// scenes among a row's counts, `is_share` which columns are shares of scenes. A row without a program is 0 by definition and is passed over.
 pub fn all_alike(rows: &[Row], scenes: usize, is_share: impl Fn(&Column) -> bool) -> Option<String> {
     let mut alike = AllAlike::default();
     let programs = rows.iter().filter(|row| !row.missing() && !matches!(row.key, RowKey::Replay(_)));
@@ -160,7 +160,7 @@ impl AllAlike {
     }
 }
 
-/// Whose attack is the experiment's own expression, and what that is.
+/// Names the runs whose attack is the experiment's own expression, with that expression.
 pub fn own_attack(runs: &[RecordedRun]) -> Vec<String> {
     let own = |run: &RecordedRun| {
         let when = run.opened.attack.as_ref()?;
@@ -186,7 +186,7 @@ pub fn one_attack(runs: &[RecordedRun]) -> Result<(), TableError> {
     })
 }
 
-/// Whether the runs may not be compared without more ado.
+/// Warns where different versions made the runs, so that comparing them needs care.
 pub fn different_versions(runs: &[RecordedRun]) -> Option<String> {
     let differ = runs.windows(2).any(|pair| pair[0].opened.versions != pair[1].opened.versions);
     differ.then(|| "The runs were made by different versions of simulator, evaluation or adapters.".into())

@@ -1,4 +1,4 @@
-//! What of a table fits the width of a page: its most telling columns, and no column in which every row says the same.
+//! Choice of a table's columns for the width of a page: the most telling ones, and none in which every row says the same.
 
 use super::key::RowKey;
 use super::layout::{Row, Table};
@@ -105,7 +105,7 @@ pub fn telling_labels(table: &Table) -> Vec<usize> {
     (0..table.labels.len()).filter(|at| *at == 0 || !same_in_all(table, |row| row.labels[*at].clone())).collect()
 }
 
-/// Whether rows differ in who proposed.
+/// Returns `true` if rows differ in who proposed.
 pub fn proposals_differ(table: &Table) -> bool {
     !same_in_all(table, |row| row.proposals.clone())
 }

@@ -1,5 +1,5 @@
-//! Where the programs of searches stand in the plane of attack and realism on held-out scenes, with their intervals: what a figure of several
-//! searches is drawn from.
+//! Places of searched programs in the plane of attack and realism on held-out scenes, with their intervals: the data of a figure of
+//! several searches.
 
 use super::ablations::method;
 use super::error::TableError;
@@ -13,7 +13,7 @@ use crate::evidence::recorded_run::RecordedRun;
 use crate::statistics::bootstrap;
 use crate::statistics::bootstrap::Estimate;
 
-/// Who proposed and what decided, as a figure tells searches apart.
+/// Kind of a search, as a figure tells searches apart: who proposed and what decided.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum SearchKind {
     /// Somebody who reads questions and is not the rule-based stand-in.
@@ -35,7 +35,7 @@ pub struct Point {
     pub realism: Estimate,
 }
 
-/// What one search came to, its repetitions together.
+/// Result of one search, its repetitions together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placed {
     pub method: String,
@@ -47,7 +47,7 @@ pub struct Placed {
 }
 
 impl SearchKind {
-    /// As readers are told it.
+    /// Returns the kind in words for readers.
     pub fn words(self) -> &'static str {
         match self {
             SearchKind::Model => "language model",

@@ -1,4 +1,4 @@
-//! What became of proposals, a row a source family and ego over all its lineages: how far they came, what refused them, how many
+//! Outcomes of proposals, a row a source family and ego over all its lineages: how far they came, what refused them, how many
 //! of the simulated children do nothing new, and how many patches only change numbers.
 
 use super::error::TableError;
@@ -8,7 +8,7 @@ use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::attempt::Gate;
 use crate::objects::{Attempt, Exit, Role};
 
-/// What a share is taken of: all proposals, those with a patch that could be read, simulated children.
+/// Bases of the shares: all proposals, those with a patch that could be read, simulated children.
 const PROPOSALS: Holds = |_| true;
 const PATCHES: Holds = |of| of.proposal.patch().is_some();
 const CHILDREN: Holds = |of| of.exit.decision().is_some();
@@ -81,7 +81,7 @@ fn acts_too_rarely(attempt: &Attempt) -> bool {
     attempt.exit.decision().is_some_and(|decision| !decision.gates.coverage.holds)
 }
 
-/// What became of the proposals of these runs.
+/// Makes the table of what became of the proposals of these runs.
 pub fn proposals(runs: &[RecordedRun]) -> Result<Table, TableError> {
     shares::table(&SPEC, runs)
 }

@@ -32,18 +32,18 @@ const PUBLISHED: &str = "Published";
 const PREVENTABLE: &str = "Preventable";
 const BLAMED: &str = "At fault";
 
-/// A contact that the program brought about, as far as a label says it: with an adversary of a program that acts in the scene, and not
+/// Returns the contact that the program brought about, if a label says it: with an adversary of a program that acts in the scene, and not
 /// one that the ego runs into without it. Which of several adversaries acts is in the rollout's record alone.
 fn brought_about(scene: &SceneScore) -> Option<&Met> {
     scene.contact.as_ref().filter(|met| scene.acted && met.adversary && !met.anyway)
 }
 
-/// Whether the ego is struck from behind.
+/// Returns `true` if the ego is struck from behind.
 pub fn is_ram(met: &Met) -> bool {
     met.class == ContactClass::RearEndEgoStruck.name()
 }
 
-/// Whether a careful ego would have prevented it; `None` where nobody assessed it.
+/// Returns whether a careful ego would have prevented it; `None` where nobody assessed it.
 pub fn prevented(met: &Met) -> Option<bool> {
     met.avoidable.map(|_| could_be_prevented(met))
 }
@@ -55,13 +55,13 @@ fn could_be_prevented(met: &Met) -> bool {
 
 /// Any contact that the program brought about, whoever caused it.
 pub(super) const BROUGHT_ABOUT: Read = |scene| brought(scene, |_| true);
-/// Of these the rams from behind.
+/// Those of them that are rams from behind.
 const RAMS: Read = |scene| brought(scene, is_ram);
-/// Of these what stands.
+/// Those of them in which the ego runs into something that stands.
 const STANDING: Read = |scene| brought(scene, |met| met.class == ContactClass::StationaryHit.name());
-/// Of these what a careful ego could have avoided, of every class alike but rams from behind.
+/// Those of them that a careful ego could have avoided, of every class alike but rams from behind.
 pub(super) const COULD_BE_PREVENTED: Read = |scene| brought(scene, could_be_prevented);
-/// Of these for which the ego is at fault by nuPlan's rule; `None` where the outcome of a contact does not say it.
+/// Those of them for which the ego is at fault by nuPlan's rule; `None` where the outcome of a contact does not say it.
 pub(super) const AT_FAULT: Read = |scene| {
     let unsaid = scene.each().filter_map(brought_about).any(|met| met.fault.is_none());
     if unsaid { None } else { brought(scene, |met| fault_of(met).is_some_and(Fault::is_egos)) }
@@ -77,7 +77,7 @@ fn brought(scene: &SceneScore, holds: fn(&Met) -> bool) -> Option<f64> {
     labels::over_drivers(scene, |label| brought_about(label).is_some_and(holds))
 }
 
-/// What a lineage's parent and its reported program come to on the held-out scenes where only preventable contacts count, as shares of scenes.
+/// Shares of held-out scenes that a lineage's parent and its reported program attack where only preventable contacts count.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LineagePreventable {
     pub lineage: String,
@@ -113,11 +113,11 @@ impl LineagePreventable {
 /// The contacts that one program of a search brings about, as shares of held-out scenes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contacts {
-    /// Of any class.
+    /// Contacts of any class.
     pub all: f64,
-    /// Of each class, in the order of [`ContactClass::ALL`].
+    /// Contacts of each class, in the order of [`ContactClass::ALL`].
     pub by_class: Vec<(ContactClass, f64)>,
-    /// What a careful ego could have prevented of them.
+    /// Those of them that a careful ego could have prevented.
     pub preventable: f64,
 }
 
@@ -191,7 +191,7 @@ const READ: [(Column, Side, Reading); 14] = [
     (rate("at_fault_evolved", BLAMED, "Evolved", Some(true)), Side::Evolved, EGOS_FAULT),
     (change("at_fault_change", BLAMED), Side::Change, EGOS_FAULT),
 ];
-/// Those of them that every label tells.
+/// Number of the first columns, which every label can fill.
 const TOLD_BY_ALL: usize = 11;
 
 /// The columns: with those of who is at fault where some outcome says it (`simulator.at_fault`, `table --at-fault`).

@@ -19,7 +19,7 @@ pub struct Resampled {
 }
 
 impl Resampled {
-    /// Of the repetitions of one search. Draws depend on groups and number of seeds alone: lineages on the same groups are
+    /// Resamples the repetitions of one search. Draws depend on groups and number of seeds alone: lineages on the same groups are
     /// drawn together.
     pub fn new(seeds: &[Archived<'_>]) -> Resampled {
         let mut families: BTreeMap<TrafficFamily, Vec<Group>> = BTreeMap::new();

@@ -43,7 +43,7 @@ const OS: Metric = Metric { name: "OS", upward: Some(false), of: |row| Some(row.
 /// Scenarios simulated before one was chosen.
 const LOOKS: Metric = Metric { name: "Rollouts a scene", upward: None, of: |row| row.search_rollouts };
 
-/// What balanced selection keeps of whose runs.
+/// Runs that balanced selection keeps, by whose they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kept {
     /// The search's.
@@ -54,7 +54,7 @@ pub(super) enum Kept {
     Change,
 }
 
-/// Whose runs, and after which round; without one after the last.
+/// Runs to look at, and the round after which; `None` is the last round.
 pub(super) type Look = (Kept, Option<usize>);
 pub(super) const PARENT: Look = (Kept::Evolved, Some(0));
 const DRAWN: Look = (Kept::Redrawn, None);
@@ -265,7 +265,7 @@ const MAIN: [Main; 22] = [
     ),
 ];
 
-/// Of these without the cost of searches, where no run tells it.
+/// Returns the main columns, without the cost of searches where no run tells it.
 pub(super) fn told_columns(all: &[LineageArchive]) -> Vec<Main> {
     let tells = |round: &Round| round.runs.values().flatten().any(|run| run.search_rollouts.is_some());
     let is_told = all.iter().any(|archive| archive.rounds.iter().any(tells));
@@ -430,10 +430,10 @@ fn round_rows(of: &Subject<'_>) -> Vec<Row> {
     LINES.iter().flat_map(lines).collect()
 }
 
-/// Who has a row or a part: a method of the paper with a search that fills it, or without, or a search alone.
+/// Owner of a row or a part: a method of the paper with a search that fills it, or without, or a search alone.
 pub(super) struct Subject<'a> {
     method: Option<&'static Method>,
-    /// The method whose printed figures stand beside it: they are of the paper's ego, where that was run, and else beside what was.
+    /// Method whose printed figures stand beside it: beside the paper's ego where that was run, else beside every ego.
     printed: Option<&'static Method>,
     name: String,
     /// The search's repetitions, one a seed; none = missing.
@@ -466,13 +466,13 @@ pub(super) fn in_order(all: &[LineageArchive]) -> Vec<Subject<'_>> {
 }
 
 impl Subject<'_> {
-    /// What intervals are drawn from; nothing where it is missing.
+    /// Returns what intervals are drawn from; `None` where it is missing.
     pub(super) fn resampled(&self) -> Option<Resampled> {
         let archived = || self.seeds.iter().map(|archive| archive.archived()).collect::<Vec<_>>();
         (!self.seeds.is_empty()).then(|| Resampled::new(&archived()))
     }
 
-    /// What its rows are about.
+    /// Returns the subject of its rows.
     pub(super) fn key(&self) -> RowKey {
         RowKey::Lineages(self.seeds.iter().map(|archive| archive.key()).collect())
     }
@@ -537,7 +537,7 @@ pub(super) fn searched_more(rows: &[Row]) -> Option<String> {
     })
 }
 
-/// Of how many of a row's groups every kept run of what it is compared with is a collision.
+/// Says in how many of a row's groups every kept run of the compared program is a collision.
 fn at_ceiling(row: &Row, all: &[LineageArchive]) -> Option<String> {
     let own: Vec<&LineageArchive> = all.iter().filter(|of| row.lineages.contains(&of.lineage.to_string())).collect();
     let (mut full, mut groups) = (0, 0);
@@ -549,7 +549,7 @@ fn at_ceiling(row: &Row, all: &[LineageArchive]) -> Option<String> {
     Some(format!("{} {full} of {groups}", row.labels.join("/")))
 }
 
-/// What a reader must know beside the numbers.
+/// Returns the notes that a reader needs beside the numbers.
 fn notes(runs: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
     let mut notes = vec![
         "CR: collision rate; OS: SafeBench's overall score, lower is the stronger scenario; ARS: adversarial realism score. \

@@ -71,7 +71,7 @@ fn gains(of: &[(&str, f64)]) -> BTreeMap<String, f64> {
     of.iter().map(|(group, gain)| (group.to_string(), *gain)).collect()
 }
 
-/// The control of a lineage: what its parent comes to in the place of every program.
+/// The control of a lineage: the results of its parent in the place of every program.
 fn redraw(recorded: &mut RecordedRun, of: &Lineage<'_>, rounds: &[&[Selected]], gains_pct: &[(&str, f64)]) {
     let (lineage, parent) = (LineageId::new(of.id), SolutionId::new(format!("{}/parent", of.id)));
     let rounds = (0..).zip(rounds).map(|(round, scenes)| archive_round(&lineage, round, scenes, &parent)).collect();

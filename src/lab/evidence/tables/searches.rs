@@ -1,4 +1,4 @@
-//! Searches and their repetitions: what either protocol's tables gather lineages by.
+//! Searches and their repetitions: the groups in which either protocol's tables gather lineages.
 
 use super::error::TableError;
 
@@ -15,11 +15,11 @@ pub struct Repetition<'a> {
     pub lineage: &'a str,
     /// Name of its run.
     pub run: &'a str,
-    /// Where there is no gain: what stopped it.
+    /// Reason why there is no gain, where there is none.
     pub stopped: Option<&'a str>,
 }
 
-/// What is known of one lineage beside its numbers.
+/// Facts about one lineage beside its numbers.
 pub trait Repeated {
     fn repetition(&self) -> Repetition<'_>;
 }
@@ -59,7 +59,7 @@ pub fn add<T: Repeated>(all: &mut Vec<T>, new: T) -> Result<(), TableError> {
     Ok(())
 }
 
-/// What stopped the repetitions of a search that show no gain: of one its own words, of several how many and which.
+/// Says what stopped the repetitions of a search that show no gain: for one, its own words; for several, how many and which.
 pub fn stops<T: Repeated>(of: &[&T]) -> Option<String> {
     let all: Vec<Repetition<'_>> = of.iter().map(|lineage| lineage.repetition()).collect();
     let stopped: Vec<&Repetition<'_>> = all.iter().filter(|repetition| repetition.stopped.is_some()).collect();

@@ -15,7 +15,7 @@ use crate::kernel::num;
 use crate::objects::event::ParentAdopted;
 use crate::objects::{Attempt, LineageId};
 
-/// Whether a proposal counts for a share.
+/// Test of whether a proposal counts for a share.
 pub type Holds = fn(&Attempt) -> bool;
 
 /// A share: its column, what it is taken of, and what holds of those that it counts.
@@ -44,11 +44,11 @@ pub(super) struct Spec {
     /// Label of the paper's table, where it has one.
     pub source: Option<&'static str>,
     pub shares: &'static [Share],
-    /// What the shares rest on, counted.
+    /// Counts that the shares rest on.
     pub counts: &'static [(Head, Holds)],
     /// The paper's figures of a family and ego.
     pub figures: fn(&str, &str) -> Option<Figures>,
-    /// What a reader must know first.
+    /// Note that a reader needs first.
     pub note: &'static str,
 }
 

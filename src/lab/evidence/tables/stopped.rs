@@ -1,4 +1,4 @@
-//! Why a lineage shows no gain: what became of its attempts, counted from the record.
+//! Reasons why a lineage shows no gain: the ends of its attempts, counted from the record.
 
 use std::collections::BTreeMap;
 
@@ -8,11 +8,11 @@ use crate::kernel::num;
 use crate::objects::{Attempt, Exit, attempt::Gate, event::LineageResult};
 use crate::text::counted;
 
-/// Where every attempt of a lineage ended.
+/// Numbers of a lineage's attempts by where they ended.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ends {
     pub declined: usize,
-    /// By the first gate that failed: later ones may have failed only because nothing was left to look at.
+    /// Numbers by the first gate that failed: later ones may have failed only because nothing was left to look at.
     pub gates: BTreeMap<Gate, usize>,
     /// The router judged a rollout not worth its cost.
     pub routed_away: usize,

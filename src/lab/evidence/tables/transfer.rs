@@ -1,4 +1,4 @@
-//! Programs against drivers that they were not evolved on: rows are what a program was evolved on, columns who drives, on scenes that no
+//! Programs against drivers that they were not evolved on: a row for what a program was evolved on, a column a driver, on scenes that no
 //! search has seen. Every program is planned around whoever drives: what is carried over is the generator, not a recorded scene.
 
 use std::collections::BTreeSet;
@@ -20,22 +20,22 @@ use crate::world::measures::kendall;
 pub struct Line {
     /// The family as tables call it.
     pub family: String,
-    /// Who proposed, and against whom: `random patches on pdm`.
+    /// Proposer, and the ego that it proposed against: `random patches on pdm`.
     pub evolved_on: String,
-    /// Which repetition of its search.
+    /// Number of this repetition of its search.
     pub replica: u32,
     /// Places in [`Transferred::scores`].
     pub parent: usize,
     pub program: usize,
 }
 
-/// What programs came to against several drivers on one list of scenes.
+/// Scores of programs against several drivers on one list of scenes.
 #[derive(Clone, Debug)]
 pub struct Transferred {
     /// Digest of the pool.
     pub pool: Digest,
     pub scenes: Vec<String>,
-    /// By their names in [`DRIVERS`].
+    /// Drivers by their names in [`DRIVERS`].
     pub drivers: Vec<&'static str>,
     pub lines: Vec<Line>,
     /// Program, then driver.
@@ -107,7 +107,7 @@ impl Transferred {
         (0..self.scores.len()).map(name).collect()
     }
 
-    /// Which scenes: the streams of the bootstrap are named by them.
+    /// Returns the digest of the scenes, by which the streams of the bootstrap are named.
     pub fn suite(&self) -> Digest {
         Digest::of_bytes(format!("{} {}", self.pool, self.scenes.join("\n")).as_bytes())
     }
@@ -197,7 +197,7 @@ pub fn transfer(of: &Transferred, by_family: bool) -> Table {
 /// A row's name, and its share by driver; `None` where none is known.
 pub type NamedShares = (String, Vec<Option<f64>>);
 
-/// What a heat map of the table shows: of each reading its head, and over all families the rows' names and shares by driver.
+/// Returns the data of a heat map: for each reading its head, and over all families the rows' names and shares by driver.
 pub fn panels(table: &Table) -> Vec<(&'static str, Vec<NamedShares>)> {
     let share = |row: &Row| row.cells.iter().map(|cell| cell.ours.map(|of| of.value)).collect();
     let shown = |(name, head, ..): (&str, &'static str, &str, Read)| {
@@ -255,7 +255,7 @@ fn reachable(of: &Transferred, name: &str, read: Read) -> Option<String> {
     (!each.is_empty()).then_some(says)
 }
 
-/// Who judges a contact.
+/// Judge of a contact: its name and its reading.
 type Judge = (&'static str, Read);
 
 /// Judges of the same contacts: each says which of them count.
@@ -272,7 +272,7 @@ fn avoided(scene: &SceneScore, says: fn(usize, usize) -> bool) -> Option<f64> {
     labels::met(scene, |met| met.adversary && !met.anyway && met.avoided_by.is_some_and(|[avoid, of]| says(avoid, of)))
 }
 
-/// How alike judges rank the programs, against one driver: a Markdown table of Kendall's tau-b, one judge a row and column.
+/// Makes a Markdown table of how alike judges rank the programs against one driver: Kendall's tau-b, one judge a row and column.
 pub fn judges(of: &Transferred, driver: usize) -> String {
     let share = |program: usize, judge: Read| {
         let values: Vec<f64> = of.values(program, driver, judge).into_iter().flatten().collect();
@@ -292,7 +292,7 @@ pub fn judges(of: &Transferred, driver: usize) -> String {
     out
 }
 
-/// A careful driver who judges contacts, and what the programs come to then, in the order of [`Transferred::scores`].
+/// A careful driver who judges contacts, and the scores of the programs by its judgement, in the order of [`Transferred::scores`].
 #[derive(Clone, Debug)]
 pub struct Careful {
     pub name: &'static str,

@@ -1,4 +1,4 @@
-//! What the programs that were chosen do on SafeBench's routes that evolution did not see, beside what they do on those that
+//! Results of the chosen programs on SafeBench's routes that evolution did not see, beside their results on those that
 //! it saw.
 
 use std::collections::BTreeSet;
@@ -42,7 +42,7 @@ const SEEN: [(Column, Look, SeenRead); 4] = [
     (seen_column("seen_evolved_ars", "Chosen ARS"), EVOLVED, |[_, chosen]| chosen.realism),
 ];
 
-/// What the parent and the chosen program did on all evolution scenes.
+/// Returns the results of the parent and the chosen program on all evolution scenes.
 fn seen(run: &RecordedRun, result: &LineageResult) -> Option<Both> {
     let of = |solution: &SolutionId| {
         let finalist = run.finalists.iter().find(|f| f.lineage == result.lineage && f.solution == *solution)?;
@@ -111,7 +111,7 @@ fn cell(of: Main, resampled: Option<&Resampled>) -> Cell {
 /// A run with a lineage's result.
 type Recorded<'a> = (&'a RecordedRun, &'a LineageResult);
 
-/// From a repetition's number with its leaves, by the programs that are looked at: each with the place of its round; both where it is a change.
+/// Derives a repetition's number and leaves from the programs looked at: each with the place of its round; both where it is a change.
 fn derivation(
     bases: &Derivations<'_>,
     row: &RowKey,
@@ -138,8 +138,8 @@ fn derivation(
     Derivation::of(formula, Combine::MeansOfAll, parts)
 }
 
-/// What the chosen programs of a search's repetitions change of attack and of ARS on held-out routes, as the table draws it; `None` where a
-/// run has none, or is of another protocol.
+/// Returns the change of attack and of ARS by the chosen programs of a search's repetitions on held-out routes, as the table draws it;
+/// `None` where a run has none, or is of another protocol.
 pub fn held_out_change(run: &RecordedRun, of: &[&LineageResult]) -> Option<[Estimate; 2]> {
     let all = archives::held_out(std::slice::from_ref(run)).ok()?;
     let own = all.iter().filter(|archive| of.iter().any(|result| result.lineage == archive.lineage));
@@ -164,7 +164,7 @@ fn columns(all: &[LineageArchive]) -> Vec<Main> {
     held_out.map(|of| Main { column: Column { group: group(of.look), ..of.column }, ..of }).collect()
 }
 
-/// What a reader must know beside the numbers.
+/// Returns the notes that a reader needs beside the numbers.
 fn notes(runs: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
     let held_out = "One program a row here, and no archive: the parent, and the one that was chosen on evolution labels alone. Held-out routes \
                     were opened after that choice, so the change there needs no redraw of the parent. The seen routes made the choice: of \

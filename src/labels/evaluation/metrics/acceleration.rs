@@ -1,5 +1,5 @@
-//! Bounded acceleration: how far the level of the filtered acceleration, along and across together, exceeds what is
-//! known of traffic, m/s².
+//! Bounded acceleration: excess of the level of the filtered acceleration, along and across together, over that of
+//! recorded traffic, m/s².
 
 use super::diagnostic::{Counts, Diagnostic, Measure, Quantity, WEIGHT, quantity};
 

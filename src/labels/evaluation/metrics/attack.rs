@@ -1,4 +1,4 @@
-//! a(τ): whether the ego failed. The rate over scenes is the paper's Attack (target-failure rate). A contact with an
+//! a(τ): 1 if the ego failed. The rate over scenes is the paper's Attack (target-failure rate). A contact with an
 //! adversary fails the ego if it caused it or could have avoided it, as the experiment file says by class; the readings
 //! of published work stand beside it (`docs/OBJECTIVES.md`).
 
@@ -15,14 +15,14 @@ use crate::sim::{Contact, ContactClass, Outcome};
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, try_from = "WrittenOptions")]
 pub struct AttackOptions {
-    /// Classes that count whatever the ego could have done.
+    /// Classes that always count, avoidable or not.
     pub counts: BTreeSet<ContactClass>,
     /// Classes that count where the ego could have avoided the contact.
     pub counts_if_avoidable: BTreeSet<ContactClass>,
     /// An expression over the outcome that decides in place of the lists, where the experiment declares one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub when: Option<OutcomeFormula>,
-    /// What a contact needs besides its class; all that we ask where the table does not say.
+    /// Requirements of a contact besides its class; all of ours where the table does not say.
     #[serde(default, skip_serializing_if = "Required::is_unsaid")]
     pub requires: Required<AttackRequirement>,
 }
@@ -49,7 +49,7 @@ enum Reading {
     AtFault,
 }
 
-/// What `reading = "at_fault"` stands for.
+/// Expression that `reading = "at_fault"` stands for.
 pub const AT_FAULT: &str = "contact_adversary and contact_at_fault";
 
 /// `[evaluation.attack]` that defines no label.
@@ -101,7 +101,7 @@ impl TryFrom<WrittenOptions> for AttackOptions {
 }
 
 impl AttackOptions {
-    /// Whether a contact is a failure of the ego by its class and partner. One that nobody assessed is never taken for avoidable.
+    /// Returns `true` if a contact is a failure of the ego by its class and partner. One that nobody assessed never counts as avoidable.
     pub fn counts(&self, contact: &Contact) -> bool {
         let avoidable = contact.avoidable == Some(true);
         (contact.adversary || !self.requires.has(AttackRequirement::Adversary))
@@ -118,7 +118,7 @@ pub fn attack(outcome: &Outcome, options: &AttackOptions) -> f64 {
     if failed { 1.0 } else { 0.0 }
 }
 
-/// One rollout as published work reads it, beside our label: whether there was a crash, whoever caused it.
+/// Readings of one rollout in published work, beside our label: a crash counts, whoever caused it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PublishedReadings {

@@ -1,8 +1,8 @@
-//! Trajectory continuity: whether the places of the adversary make one motion. The worst of three, in metres:
+//! Trajectory continuity: jumps in the places of the adversary. The worst of three, in metres:
 //!
-//! - a step that the velocities at its ends do not explain (the velocity says something else than the places);
-//! - a step that the step before it does not explain (a teleport, whatever the velocity says);
-//! - jitter that the filter of the derivatives takes away, so that nothing can be hidden from it above its cut-off.
+//! - a step that the velocities at its ends do not explain (velocities and places contradict each other);
+//! - a step that the step before it does not explain (a teleport, whatever the velocity);
+//! - jitter that the filter of the derivatives takes away, so that none above its cut-off stays hidden.
 
 use super::diagnostic::{Counts, Diagnostic, Measure, Quantity, WEIGHT, quantity};
 

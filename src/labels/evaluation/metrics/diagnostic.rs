@@ -1,10 +1,10 @@
-//! What a diagnostic of realism is. All that experiments, pages, prompts and calibrations say of one follows from its row.
+//! Definition of a diagnostic of realism. Experiments, pages, prompts and calibrations take all that they say of it from its row.
 
 use super::limits::{Limit, Limits};
 use super::soft::soft;
 use crate::sim::AdversaryReport;
 
-/// What the pages say of a weight that says nothing else.
+/// Text for the weight of a diagnostic that has no text of its own.
 pub const WEIGHT: &str = "Weight of the diagnostic; all sum to 1.";
 
 /// One diagnostic d_j, declared once.
@@ -12,32 +12,32 @@ pub const WEIGHT: &str = "Weight of the diagnostic; all sum to 1.";
 pub struct Diagnostic {
     /// The key of its weight w_j in experiment files; the last part is its name everywhere.
     pub key: &'static str,
-    /// Where it counts.
+    /// Experiments in which it counts.
     pub counts: Counts,
-    /// What the pages say of its weight.
+    /// Text for its weight on the pages.
     pub weight: &'static str,
-    /// What it measures, in words for agents.
+    /// Description of what it measures, in words for agents.
     pub meaning: &'static str,
-    /// The same where room is scarce: what its name leaves open of that.
+    /// A shorter description, where room is scarce, of what its name leaves open.
     pub short: &'static str,
-    /// How d_j comes about.
+    /// Computation of d_j.
     pub measure: Measure,
 }
 
-/// Where a diagnostic counts.
+/// Experiments in which a diagnostic counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Counts {
     /// In every experiment: its weight must be there.
     Always,
-    /// Where it has a weight.
+    /// In experiments that give it a weight.
     Weighed,
-    /// Likewise; outcomes must say what a kind does not do (`simulator.of_kind`).
+    /// Likewise; outcomes must include motion that a kind does not show (`simulator.of_kind`).
     OfKind,
-    /// Likewise; outcomes must say where a kind does not belong (`simulator.of_place`).
+    /// Likewise; outcomes must include places where a kind does not belong (`simulator.of_place`).
     OfPlace,
 }
 
-/// How d_j of an adversary comes about, in [0, 1].
+/// Computation of d_j of an adversary, in [0, 1].
 #[derive(Debug)]
 pub enum Measure {
     /// The worst of these, each 1 within its limit and 0 one tolerance beyond it.
@@ -46,7 +46,7 @@ pub enum Measure {
     Of(fn(&AdversaryReport) -> f64),
 }
 
-/// What an adversary shows, and its own recording where it has one.
+/// Value of an adversary, and of its own recording where it has one.
 type Shown = (f64, Option<f64>);
 
 /// A quantity that a soft diagnostic holds to a limit.
@@ -56,11 +56,11 @@ pub struct Quantity {
     pub name: &'static str,
     /// Its limit by the kind of road user; `None` where the calibration has none.
     pub limit: fn(&Limits) -> Option<Limit>,
-    /// What is held to it; `None` where the outcome does not say.
+    /// Function for the value that is held to it; `None` where the outcome does not say.
     pub of: fn(&AdversaryReport) -> Option<Shown>,
 }
 
-/// A quantity of the account that every outcome has, whose limit has its name; or of one that not every outcome has, with its limit.
+/// A quantity of the measurements that every outcome has, whose limit has its name; or of one that not every outcome has, with its limit.
 macro_rules! quantity {
     ($name:ident) => {
         Quantity {
@@ -94,7 +94,7 @@ impl Diagnostic {
         self.key.rsplit('.').next().unwrap_or(self.key)
     }
 
-    /// What it holds to limits.
+    /// Returns the quantities that it holds to limits.
     pub fn quantities(&self) -> &'static [Quantity] {
         if let Measure::Soft(all) = self.measure { all } else { &[] }
     }

@@ -1,4 +1,4 @@
-//! Bounded jerk: how far the level of the filtered jerk exceeds what is known of traffic, m/s³.
+//! Bounded jerk: excess of the level of the filtered jerk over that of recorded traffic, m/s³.
 
 use super::diagnostic::{Counts, Diagnostic, Measure, Quantity, WEIGHT, quantity};
 

@@ -1,4 +1,4 @@
-//! What traffic of a kind shows: bound and tolerance of each soft diagnostic, calibrated from recorded pools
+//! Limits of traffic of a kind: bound and tolerance of each soft diagnostic, calibrated from recorded pools
 //! (`evaluation::calibrate`). An input of experiments, never a default.
 
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,7 @@ use crate::scene::AgentKind;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limit {
-    /// What recorded traffic of the kind stays below, up to the calibration's quantile.
+    /// Value that recorded traffic of the kind stays below, up to the calibration's quantile.
     pub bound: f64,
     /// ρ_j: the excess over the bound at which the diagnostic is 0.
     pub tolerance: f64,
@@ -22,9 +22,9 @@ pub struct Limit {
 pub struct Limits {
     /// Recorded road users that they rest on.
     pub road_users: usize,
-    /// Whether the kind had too few, so that all kinds together stand in for it.
+    /// True if the kind had too few, so that the limits are those of all kinds together.
     pub pooled: bool,
-    /// How far a corner of the box leaves the drivable area, metres.
+    /// Distance by which a corner of the box leaves the drivable area, metres.
     pub off_road_m: Limit,
     /// Driven against the direction of every lane, metres.
     pub wrong_way_m: Limit,
@@ -38,7 +38,7 @@ pub struct Limits {
     pub jump_m: Limit,
     /// A step that the step before it does not explain, metres.
     pub kink_m: Limit,
-    /// What the filter takes away, metres.
+    /// Displacement that the filter takes away, metres.
     pub roughness_m: Limit,
     /// Displacement that rolling wheels do not explain, metres; only in a calibration made with `--of-kind`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -49,7 +49,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// All of them with their names, in the order of the fields.
+    /// Returns all of them with their names, in the order of the fields.
     pub fn by_name(&self) -> Vec<(&'static str, Limit)> {
         // The pattern has no `..`, so that no limit is left out.
         macro_rules! named {
@@ -63,23 +63,23 @@ impl Limits {
     }
 }
 
-/// Limits by kind of road user, and what they were made of.
+/// Limits by kind of road user, and their source.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
     /// Share of recorded road users that stay below each bound.
     pub quantile: f64,
-    /// Digests of the recorded pools, and how many scenes they hold in all.
+    /// Digests of the recorded pools.
     pub pools: Vec<Digest>,
-    /// How many scenes these pools hold together.
+    /// Number of scenes in these pools together.
     pub scenes: usize,
-    /// Of cars, lorries, buses and motorcycles.
+    /// Limits of cars, lorries, buses and motorcycles.
     pub vehicle: Limits,
-    /// Of cyclists.
+    /// Limits of cyclists.
     pub cyclist: Limits,
-    /// Of people on foot.
+    /// Limits of people on foot.
     pub pedestrian: Limits,
-    /// Barriers, cones, parked or unknown things.
+    /// Limits of barriers, cones, parked or unknown things.
     #[serde(rename = "static")]
     pub fixed: Limits,
 }
@@ -95,7 +95,7 @@ impl Calibration {
         }
     }
 
-    /// All of them with the names of their kinds.
+    /// Returns all of them with the names of their kinds.
     pub fn by_kind(&self) -> [(&'static str, &Limits); 4] {
         [
             ("vehicle", &self.vehicle),

@@ -1,4 +1,4 @@
-//! Map and lane validity: how far a corner of the adversary's box leaves the drivable area, metres.
+//! Map and lane validity: distance by which a corner of the adversary's box leaves the drivable area, metres.
 
 use super::diagnostic::{Counts, Diagnostic, Measure, Quantity, WEIGHT, quantity};
 

@@ -1,4 +1,4 @@
-//! One file a metric. All read an [`Outcome`](crate::sim::Outcome) and options of the experiment file, nothing else.
+//! One file per metric. All read an [`Outcome`](crate::sim::Outcome) and options of the experiment file, nothing else.
 
 mod acceleration;
 pub mod attack;
@@ -46,13 +46,13 @@ pub enum EvaluationOptions {
     },
 }
 
-/// What the MetaDrive protocol labels a scene by.
+/// Rules by which the MetaDrive protocol labels a scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MetadriveOptions {
     /// Which contacts are a success.
     pub attack: AttackOptions,
-    /// What a plausible motion is.
+    /// Rules for a plausible motion.
     pub realism: RealismOptions,
     /// Quantities of the experiment's own, measured in every scene beside the objectives: name -> expression over the outcome. They are
     /// shown to agents and readers and decide nothing.
@@ -61,7 +61,7 @@ pub struct MetadriveOptions {
 }
 
 impl MetadriveOptions {
-    /// By which rules labels are summed up.
+    /// Returns the rules by which labels are summed up.
     pub fn rules(&self) -> LabelRules {
         LabelRules { mean: self.realism.mean, attack: self.attack.requires.clone(), over_egos: None }
     }
@@ -69,11 +69,11 @@ impl MetadriveOptions {
 
 /// Own metrics that an experiment may declare: each is a column of every prompt's window.
 const METRICS_MAX: usize = 8;
-/// Longest name of one.
+/// Longest name of an own metric.
 const METRIC_NAME_CHARS: usize = 40;
 
 impl EvaluationOptions {
-    /// By which rules labels are summed up; SafeBench's have one form.
+    /// Returns the rules by which labels are summed up; SafeBench's have one form.
     pub fn rules(&self) -> LabelRules {
         match self {
             EvaluationOptions::Safebench { .. } => LabelRules::default(),
@@ -81,7 +81,7 @@ impl EvaluationOptions {
         }
     }
 
-    /// What the objective's realism is a mean of; SafeBench's has one form.
+    /// Returns the mean that gives the objective's realism; SafeBench's has one form.
     pub fn realism_mean(&self) -> RealismMean {
         match self {
             EvaluationOptions::Safebench { .. } => RealismMean::default(),
@@ -89,7 +89,7 @@ impl EvaluationOptions {
         }
     }
 
-    /// What people call it.
+    /// Returns the realism's name for people.
     pub fn realism_name(&self) -> &'static str {
         realism_name(self.safebench().is_some(), self.realism_mean())
     }

@@ -1,4 +1,4 @@
-//! An attack of one's own: an expression over what a rollout's outcome tells, in the language of mechanisms
+//! An experiment's own attack: an expression over the outcome of a rollout, in the language of mechanisms
 //! (`docs/LANGUAGE.md`). It decides in place of the lists of contact classes.
 
 use std::sync::Arc;
@@ -12,11 +12,11 @@ use crate::sim::{Contact, End, Fault, Outcome, Striker};
 /// The field that says who is at fault.
 const AT_FAULT: &str = "contact_at_fault";
 
-/// Where there was nothing to measure, metres and seconds: as far as nobody looks.
+/// Value where there was nothing to measure, metres or seconds: beyond any distance or time of interest.
 const NOTHING_M: f64 = 200.0;
 const NOTHING_S: f64 = 20.0;
 
-/// A quantity of an outcome: its name, whether it is a truth value, what it is, how it is read.
+/// A quantity of an outcome: its name, true for a truth value, its description, and its reader.
 struct Field {
     name: &'static str,
     boolean: bool,
@@ -40,7 +40,7 @@ fn share(holds: bool) -> f64 {
     f64::from(u8::from(holds))
 }
 
-/// What an expression may read, in the order of its scope.
+/// Quantities that an expression may read, in the order of its scope.
 const FIELDS: [Field; 23] = [
     truth("contact", "the ego met somebody", |o| share(o.contact.is_some())),
     truth("contact_adversary", "it met an adversary", |o| of_contact(o, 0.0, |c| share(c.adversary))),
@@ -98,7 +98,7 @@ pub fn outcome_fields() -> impl Iterator<Item = (&'static str, &'static str, &'s
     FIELDS.iter().map(|field| (field.name, if field.boolean { "boolean" } else { "number" }, field.describes))
 }
 
-/// An expression over an outcome, ready to evaluate. It is known by its text.
+/// An expression over an outcome, ready to evaluate. Formulas are equal if their texts are.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct OutcomeFormula {
@@ -147,12 +147,12 @@ impl From<OutcomeFormula> for String {
 }
 
 impl OutcomeFormula {
-    /// In canonical text.
+    /// Returns the canonical text.
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// Whether it asks who is at fault, which outcomes say only where `simulator.at_fault` is true.
+    /// Returns `true` if it asks who is at fault, which outcomes say only where `simulator.at_fault` is true.
     pub fn asks_at_fault(&self) -> bool {
         // No other field's name holds this one's.
         self.text.contains(AT_FAULT)

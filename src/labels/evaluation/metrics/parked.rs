@@ -1,4 +1,4 @@
-//! Parked obstacles: the adversary drives through nothing that stands all through the recording. Binary.
+//! Parked obstacles: the adversary drives through nothing that stands throughout the recording. Binary.
 
 use super::diagnostic::{Counts, Diagnostic, Measure, WEIGHT};
 

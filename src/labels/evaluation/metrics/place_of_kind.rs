@@ -1,4 +1,4 @@
-//! Place of its kind: whether the adversary is where road users of its kind do not belong: on foot or on a bicycle on a motorway, or on
+//! Place of its kind: presence of the adversary where road users of its kind do not belong: on foot or on a bicycle on a motorway, or on
 //! wheels on another carriageway behind a kerb, a median or a barrier. The worst of the two. `map_validity` sees neither, for both places
 //! are lanes.
 

@@ -67,18 +67,18 @@ impl Serialize for Weights {
     }
 }
 
-/// What realism rests on.
+/// Options of the realism score.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RealismOptions {
-    /// How much each diagnostic counts.
+    /// Share of each diagnostic in the score.
     pub weights: Weights,
     /// In a file: the table itself, `evodrive:recorded`, or the path of a file that `evodrive calibrate` wrote.
     pub calibration: Box<Calibration>,
-    /// What R(c) is a mean of.
+    /// Mean that gives R(c).
     #[serde(default, skip_serializing_if = "is_unsaid")]
     pub mean: RealismMean,
-    /// Whether an adversary is excused as far as its own recording is poor. The paper has no such rule.
+    /// True if an adversary is excused as far as its own recording is poor. The paper has no such rule.
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub excuses_recordings: bool,
 }
@@ -91,7 +91,7 @@ pub struct OptionsError {
     pub place: String,
     /// Its value.
     pub found: String,
-    /// What it must be.
+    /// Values that it may have.
     pub expected: &'static str,
 }
 
@@ -107,7 +107,7 @@ impl RealismOptions {
         self.diagnostics().map(|(of, weight)| (of.name(), weight)).collect()
     }
 
-    /// Names of those that count in this way.
+    /// Returns the names of the diagnostics that count in this way.
     pub fn counting(&self, counts: Counts) -> Vec<&'static str> {
         self.diagnostics().filter(|(of, _)| of.counts == counts).map(|(of, _)| of.name()).collect()
     }
@@ -151,7 +151,7 @@ pub fn realism(outcome: &Outcome, options: &RealismOptions) -> (BTreeMap<String,
     realism_of(&outcome.adversaries, options)
 }
 
-/// The same of some reports.
+/// Does the same for some reports.
 pub fn realism_of(reports: &[AdversaryReport], options: &RealismOptions) -> (BTreeMap<String, f64>, f64) {
     let diagnostics: Vec<_> = options.diagnostics().collect();
     let mut worst = vec![1.0f64; diagnostics.len()];

@@ -1,5 +1,5 @@
-//! Rolling: how far the adversary goes where wheels do not take it, metres: a standing car that slides aside, a turn on the spot.
-//! `bounded_slip` sees the speed of a slide, which may be slow; this sees where it ends. Of someone on foot nothing is asked.
+//! Rolling: distance that the adversary moves where wheels do not take it, metres: a standing car that slides aside, a turn on the spot.
+//! `bounded_slip` sees the speed of a slide, which may be slow; this sees where it ends. It does not apply to people on foot.
 
 use super::diagnostic::{Counts, Diagnostic, Measure, Quantity, quantity};
 

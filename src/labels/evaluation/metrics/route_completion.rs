@@ -1,7 +1,7 @@
 //! Route completion of the adversary: the part of its own recorded way that it does not drive in the same time, as a
-//! share. Who stands still to be hit, or leaves for another road, does not complete its route. The paper names route
+//! share. A road user that stands still to be hit, or leaves for another road, does not complete its route. The paper names route
 //! completion among the checks without a formula; the recorded way is the only route that is known of another road user.
-//! One without such a way, as an inserted one, completes it.
+//! One without such a way, such as an inserted one, completes it.
 
 use super::diagnostic::{Counts, Diagnostic, Measure, WEIGHT};
 use super::soft::soft;

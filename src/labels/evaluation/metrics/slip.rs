@@ -1,5 +1,5 @@
-//! Bounded slip: how fast the adversary moves across its heading where turning does not explain it, m/s. A car follows
-//! its wheels; a motion that slides sideways is drawn, not driven. Of someone on foot nothing is asked.
+//! Bounded slip: speed of the adversary across its heading that turning does not explain, m/s. A car follows
+//! its wheels; a motion that slides sideways is drawn, not driven. It does not apply to people on foot.
 
 use super::diagnostic::{Counts, Diagnostic, Measure, Quantity, WEIGHT, quantity};
 

@@ -1,4 +1,4 @@
-//! How a soft diagnostic falls.
+//! Shape of a soft diagnostic.
 
 /// `1 - min(v / ρ, 1)`: a soft diagnostic of a non-negative violation `v` with tolerance scale ρ, same unit (paper eq.
 /// app-metadrive-realism-score).

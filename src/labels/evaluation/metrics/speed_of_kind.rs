@@ -1,4 +1,4 @@
-//! Speed of its kind: how fast the adversary is beyond what road users of its kind are, m/s. A car's motion with a pedestrian's box is
+//! Speed of its kind: excess of the adversary's speed over that of road users of its kind, m/s. A car's motion with a pedestrian's box is
 //! no pedestrian.
 
 use super::diagnostic::{Counts, Diagnostic, Measure, Quantity, quantity};

@@ -1,5 +1,5 @@
-//! SafeBench's protocol: scores of groups of runs, balanced selection, the archive after every round. MetaDrive's needs no
-//! more than the means over scenes in `score.rs`.
+//! SafeBench's protocol: scores of groups of runs, balanced selection, the archive after every round. MetaDrive's needs only
+//! the means over scenes in `score.rs`.
 
 pub mod balanced;
 pub mod rounds;

@@ -1,4 +1,4 @@
-//! SafeBench's archive: labelled scenes by group of family and route, and what balanced selection keeps of them after every
+//! SafeBench's archive: labelled scenes by group of family and route, and the ones that balanced selection keeps after every
 //! round (paper, appendix CARLA/SafeBench Protocol).
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -15,9 +15,9 @@ pub struct StagedRun {
     pub scene: String,
     /// The scene's family and route.
     pub group: Group,
-    /// What was measured.
+    /// Labels of the run.
     pub run: SafebenchRun,
-    /// Whether the program acts in the scene; where it does not, the run is nobody's.
+    /// True if the program acts in the scene; where it does not, the run belongs to no program.
     pub acted: bool,
 }
 
@@ -33,7 +33,7 @@ struct Archived {
     staged: StagedRun,
 }
 
-/// How balanced selection chooses.
+/// Settings of balanced selection.
 #[derive(Clone, Copy, Debug)]
 pub struct Selecting {
     /// Runs kept in every group.
@@ -48,7 +48,7 @@ impl SceneArchive {
         self.0.extend(runs.into_iter().map(|staged| Archived { round, solution: solution.clone(), staged }));
     }
 
-    /// What balanced selection keeps of the scenes up to a round; `None` where there are none. Only scenes in which their
+    /// Returns the scenes up to a round that balanced selection keeps; `None` where there are none. Only scenes in which their
     /// program acts can be kept, of programs that act about as often as the parent. A group without any keeps the parent's
     /// scenes, so that it does not vanish from the result.
     pub fn after(&self, round: u32, selecting: &Selecting, lineage: &LineageId) -> Option<ArchiveRound> {
@@ -79,7 +79,7 @@ impl SceneArchive {
         Some(ArchiveRound { lineage, round, benchmark, selected: kept.iter().map(scene).collect() })
     }
 
-    /// Programs that act in a share of their scenes that is at least `floor` times the parent's, and in some at all.
+    /// Returns programs that act in a share of their scenes that is at least `floor` times the parent's, and in one scene at least.
     fn covering(&self, floor: f64) -> BTreeSet<&SolutionId> {
         let mut counts: BTreeMap<&SolutionId, (usize, usize)> = BTreeMap::new();
         for scene in &self.0 {
@@ -132,7 +132,7 @@ mod tests {
         after.selected.into_iter().map(|scene| scene.solution.0).collect()
     }
 
-    /// As human/e0s0 did: the ego of scenes that nobody touched crashes or drives perfectly, and neither is a find.
+    /// As in human/e0s0: the ego of a scene without action crashes or drives perfectly, and neither is the program's merit.
     #[test]
     fn a_program_that_does_nothing_is_never_selected_and_adds_no_frontier_point() {
         let groups = [(RightTurn, 4), (LaneChanging, 4)];
@@ -171,7 +171,7 @@ mod tests {
         archive.add(1, &SolutionId::new("few"), acting(1, 2));
         archive.add(1, &SolutionId::new("fewer"), acting(1, 8));
         let found = solutions(&archive, 1);
-        // A half of the parent's half is asked for: a half of two and an eighth of eight.
+        // Half of the parent's share of one half is required: one scene of two is enough, one of eight is not.
         assert!(found.contains(&"few".to_string()) && !found.contains(&"fewer".to_string()), "{found:?}");
     }
 

@@ -22,12 +22,12 @@ pub fn safebench_run(outcome: &Outcome, options: &SafebenchOptions) -> Option<Sa
     Some(options.preventable.map_or(published, |reading| reading.read(outcome, published)))
 }
 
-/// The run of a record, with what the program's own search cost.
+/// Returns the run of a record, with the cost of the program's own search.
 pub fn recorded_run(record: &RolloutRecord, options: &SafebenchOptions) -> Option<SafebenchRun> {
     Some(SafebenchRun { search_rollouts: record.search_rollouts(), ..safebench_run(&record.outcome, options)? })
 }
 
-/// A run alone in the plane of attack and ARS.
+/// Returns the point of a single run in the plane of attack and ARS.
 pub fn point_of(run: &SafebenchRun) -> (f64, f64) {
     group_score(&[*run], 0).map(|score| score.point()).map_or((0.0, 0.0), |point| (point.attack, point.realism))
 }
@@ -36,7 +36,7 @@ pub fn point_of(run: &SafebenchRun) -> (f64, f64) {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SafebenchScore {
-    /// How many runs the scores rest on.
+    /// Number of runs behind the scores.
     pub runs: usize,
     /// Scenes that could not be run; they count as invalid.
     pub failures: usize,
@@ -46,7 +46,7 @@ pub struct SafebenchScore {
     pub collision_rate: f64,
     /// OS.
     pub overall_score: f64,
-    /// Of the runs that were judged, which are those that the program acts in or all; all zero where there are none.
+    /// ARS of the runs that were judged: those that the program acts in, or all; all zero where there are none.
     pub realism: Ars,
     /// ARS of all runs; one that the program does not act in is not valid.
     pub realism_all: f64,
@@ -56,13 +56,13 @@ pub struct SafebenchScore {
     pub attack: f64,
     /// 100 A R Valid.
     pub trace_score: f64,
-    /// Mean over the runs that tell of the scenarios that were simulated against the ego before theirs was chosen.
+    /// Mean number of scenarios simulated against the ego before a run's was chosen, over the runs that tell it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search_rollouts: Option<f64>,
 }
 
 impl SafebenchScore {
-    /// In the plane of attack and ARS, both 0..=1.
+    /// Returns the point in the plane of attack and ARS, both 0..=1.
     pub fn point(&self) -> Objectives {
         Objectives { attack: self.attack.clamp(0.0, 1.0), realism: self.realism.ars.clamp(0.0, 1.0) }
     }
@@ -75,7 +75,11 @@ pub fn group_score(runs: &[SafebenchRun], failures: usize) -> Option<SafebenchSc
     let all = of(runs.iter().collect())?;
     let acted = runs.iter().filter(|run| run.realism.acted).count();
     let coverage = acted as f64 / runs.len() as f64;
-    let realism = of(runs.iter().filter(|run| run.realism.is_judged()).collect()).unwrap_or(Ars { ars: 0.0, valid_rate: 0.0, sub_scores: [0.0; 4] });
+    let realism = of(runs.iter().filter(|run| run.realism.is_judged()).collect()).unwrap_or(Ars {
+        ars: 0.0,
+        valid_rate: 0.0,
+        sub_scores: [0.0; 4],
+    });
     let (collision_rate, overall_score) = (criteria.collision_rate, criteria.overall_score());
     let attack = attack(collision_rate, overall_score);
     Some(SafebenchScore {
@@ -105,7 +109,7 @@ pub struct Runs(BTreeMap<Group, (Vec<SafebenchRun>, usize)>);
 /// A row of the paper's tables: each family, and their mean.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
-    /// Over all runs of a family, whatever their route.
+    /// Scores over all runs of a family, whatever their route.
     pub families: BTreeMap<TrafficFamily, SafebenchScore>,
     /// Means over the families that have a run.
     pub collision_rate: f64,
@@ -121,17 +125,17 @@ pub struct Table {
     pub valid_rate: f64,
     /// CR (1 - OS) of the two means: the paper's tables give 0.631 (1 - 0.589), no mean of products.
     pub attack: f64,
-    /// Mean over the families that tell.
+    /// Mean over the families that tell it.
     pub search_rollouts: Option<f64>,
 }
 
 impl Runs {
-    /// One more run of a group.
+    /// Adds a run of a group.
     pub fn add(&mut self, group: Group, run: SafebenchRun) {
         self.0.entry(group).or_default().0.push(run);
     }
 
-    /// One more scene of a group that could not be run.
+    /// Adds a scene of a group that could not be run.
     pub fn add_failure(&mut self, group: Group) {
         self.0.entry(group).or_default().1 += 1;
     }
@@ -201,7 +205,7 @@ fn row(score: &SafebenchScore) -> BenchmarkRow {
 pub mod samples {
     use super::*;
 
-    /// A run that differs from a faultless one in these two things alone.
+    /// Returns a run that differs from a faultless one in these two things alone.
     pub fn run(collision: bool, valid: bool) -> SafebenchRun {
         SafebenchRun {
             run: Run {

@@ -1,5 +1,5 @@
-//! What planners may ask for beyond what all are told: labels behind a rollout, an observation, the program; and what becomes of a
-//! scene that one abandons.
+//! The extras that a planner may ask for: labels behind a rollout, an observation, the program. Also the fate of a scene that
+//! a planner abandons.
 
 use super::*;
 use crate::backend::lines::Labelled;
@@ -9,7 +9,7 @@ use crate::ego::{Setting, Weights};
 use crate::sim::{Contact, ContactClass};
 use crate::store::Store;
 
-/// Starts planners with a greeting of the test's, and keeps every line that they are told.
+/// Starts planners with a greeting of the test's own, and keeps every line that they are told.
 struct Watched<F> {
     hello: &'static str,
     answer: F,
@@ -109,7 +109,7 @@ fn who_asks_for_labels_is_told_at_the_end_what_came_of_the_rollout_and_who_does_
     }
 }
 
-/// A rollout under a program, behind a planner: its request's key.
+/// Returns the key of the request for a rollout under a program, behind a planner.
 fn under(options: &DriverOptions, start: &dyn Start, of: ProgramContext) -> Digest {
     let (scene, backend) = (crossing(3, 5, 91), options.backend(&SimulatorOptions::SHIPPED).unwrap());
     let (plant, act, ego) = (plant(&scene), intercept(&scene, 5), options.policy().unwrap());
@@ -185,7 +185,7 @@ fn steps_hold_the_observation_that_is_asked_for_and_an_action_by_it_drives_as_th
         let steps = watched.heard("step");
         assert!(steps.iter().all(|step| step["observation"].as_array().unwrap().len() == setting.length()));
     }
-    // Who asks for four numbers gets those.
+    // A planner that asks for four numbers gets those.
     let watched = Watched::new(HELLO, |_: &Value| json!({"action": [0.0, 1.0]}));
     let asking = DriverOptions { observe: Some(Setting::Safebench1), ..options(0.0) };
     played(&asking, &watched, &crossing(3, 5, 91), &Intervention::default()).unwrap();

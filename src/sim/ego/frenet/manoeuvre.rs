@@ -4,11 +4,11 @@ use super::settings::{STATES, STEP_S, STEPS, Settings};
 use crate::ego::pdm::centreline::{Centreline, Pose};
 use crate::kernel::{Vec2, num};
 
-/// Slower than this along the line has no direction, m/s.
+/// Speed along the line up to which there is no direction, m/s.
 const CRAWL_MPS: f64 = 1e-3;
-/// Nearer than this share to the centre of a bend nobody can drive beside the line.
+/// Share of the way from the centre of a bend below which nobody can drive beside the line.
 const INSIDE_MIN: f64 = 0.1;
-/// The bend of the line is that between two places so far before and behind, metres.
+/// Distance before and behind a place between which the bend of the line is taken, metres.
 const BEND_M: f64 = 2.0;
 
 /// A polynomial of time or of a way, lowest power first.
@@ -16,14 +16,14 @@ const BEND_M: f64 = 2.0;
 pub struct Polynomial([f64; 6]);
 
 impl Polynomial {
-    /// The quartic from a value with its two derivatives to a first derivative at `end`, where the second is 0.
+    /// Returns the quartic from a value with its two derivatives to a first derivative at `end`, where the second is 0.
     pub fn to_speed([x, v, a]: [f64; 3], speed: f64, end: f64) -> Polynomial {
         let by = speed - v - a * end;
         let c4 = -(by + 0.5 * a * end) / (2.0 * end * end * end);
         Polynomial([x, v, 0.5 * a, (-a - 12.0 * c4 * end * end) / (6.0 * end), c4, 0.0])
     }
 
-    /// The quintic from a value with its two derivatives to a value at `end`, where both derivatives are 0.
+    /// Returns the quintic from a value with its two derivatives to a value at `end`, where both derivatives are 0.
     pub fn to_rest([x, v, a]: [f64; 3], place: f64, end: f64) -> Polynomial {
         let (by, turn) = (place - x - (v + 0.5 * a * end) * end, -(v + a * end) * end);
         let bend = -a * end * end;
@@ -38,7 +38,7 @@ impl Polynomial {
         ])
     }
 
-    /// Value and two derivatives.
+    /// Returns the value and two derivatives.
     pub fn at(&self, t: f64) -> [f64; 3] {
         let (mut x, mut v, mut a) = (0.0, 0.0, 0.0);
         for c in self.0.iter().rev() {
@@ -50,10 +50,10 @@ impl Polynomial {
     }
 }
 
-/// The line that manoeuvres keep to, with its bends.
+/// The line that manoeuvres follow, with its bends.
 pub struct Reference {
     pub line: Centreline,
-    /// Curvature metre by metre, 1/m.
+    /// Curvature at each metre, 1/m.
     bends_1pm: Vec<f64>,
 }
 
@@ -80,7 +80,7 @@ pub struct Start {
 }
 
 impl Start {
-    /// Of a pose of the rear axle with a speed, an acceleration and a curvature; `None` against the line, or where the line bends too much.
+    /// Returns the start for a rear axle's pose, speed, acceleration and curvature; `None` against the line, or where it bends too much.
     pub fn of(reference: &Reference, at: Pose, [v, a, curvature_1pm]: [f64; 3]) -> Option<Start> {
         let (s_m, _) = reference.line.project(at.position);
         let foot = reference.line.at(s_m);
@@ -100,15 +100,15 @@ impl Start {
     }
 }
 
-/// Where the ego is to be at a step of a manoeuvre.
+/// The planned state of the ego at a step of a manoeuvre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Planned {
-    /// Of the rear axle.
+    /// Pose of the rear axle.
     pub pose: Pose,
     pub speed_mps: f64,
 }
 
-/// What the car can do.
+/// Limits of the car.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Abilities {
     pub engine_mps2: f64,
@@ -116,18 +116,18 @@ pub struct Abilities {
     pub curvature_1pm: f64,
 }
 
-/// A way to go on.
+/// A manoeuvre: a way to go on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Manoeuvre {
     along: Polynomial,
     aside: Polynomial,
     end_s: f64,
-    /// Way along up to its end where `aside` is one over that way.
+    /// Way along up to its end where `aside` is a function of that way.
     reach_m: Option<f64>,
 }
 
 impl Manoeuvre {
-    /// To a speed and an offset after some steps.
+    /// Makes a manoeuvre to a speed and an offset after some steps.
     pub fn to(start: &Start, speed_mps: f64, offset_m: f64, end_step: usize, is_slow: bool) -> Manoeuvre {
         let end_s = end_step as f64 * STEP_S;
         let along = Polynomial::to_speed(start.along, speed_mps, end_s);
@@ -147,7 +147,7 @@ impl Manoeuvre {
         Manoeuvre { along, aside, end_s, reach_m: None }
     }
 
-    /// Way, speed and acceleration along, offset and its two derivatives by the way, at a step; `None` where it slides aside.
+    /// Returns way, speed and acceleration along, offset and its two derivatives by the way, at a step; `None` where it slides aside.
     fn at(&self, step: usize) -> Option<([f64; 3], [f64; 3])> {
         let t = step as f64 * STEP_S;
         let mut along = self.along.at(t.min(self.end_s));
@@ -168,7 +168,7 @@ impl Manoeuvre {
         Some((along, aside))
     }
 
-    /// What it costs to aim at a speed by it; `None` where the car cannot do it.
+    /// Returns the cost of aiming at a speed by it; `None` where the car cannot do it.
     pub fn cost(&self, reference: &Reference, aimed_mps: f64, car: &Abilities, settings: &Settings) -> Option<f64> {
         let (mut cost, mut last_mps) = (0.0, 0.0);
         for step in 0..STATES {
@@ -204,7 +204,7 @@ impl Manoeuvre {
         Some(cost)
     }
 
-    /// Its states; those that slide aside keep the line's heading.
+    /// Returns its states; those that slide aside keep the line's heading.
     pub fn states(&self, reference: &Reference) -> [Planned; STATES] {
         std::array::from_fn(|step| {
             let (along, aside) = self.at(step).unwrap_or((self.along.at(self.end_s), [0.0; 3]));
@@ -222,7 +222,7 @@ fn planned(reference: &Reference, along: [f64; 3], aside: [f64; 3]) -> Planned {
     Planned { pose: Pose { position, heading_rad: foot.heading_rad + turn }, speed_mps }
 }
 
-/// Full brakes at the present offset.
+/// Returns the states under full brakes at the present offset.
 pub fn stop(reference: &Reference, start: &Start, brake_mps2: f64) -> [Planned; STATES] {
     let [s_m, v, _] = start.along;
     std::array::from_fn(|step| {

@@ -1,8 +1,8 @@
 //! Frenet sampling (Werling et al., ICRA 2010), as CommonRoad's reactive planner does it: manoeuvres to sampled speeds, offsets and end
-//! times; of those that the car can drive the cheapest one is driven that meets nobody. It looks around, as PDM does, but it makes room by
-//! metres where PDM waits, and it gives way to who would drive into its side.
+//! times; of those that the car can drive, it drives the cheapest one that meets nobody. It looks around, as PDM does, but it makes room by
+//! metres where PDM waits, and it gives way to others that would drive into its side.
 //!
-//! What differs from the source stands in docs/EGOS.md.
+//! `docs/EGOS.md` lists the differences from the source.
 
 mod manoeuvre;
 mod settings;
@@ -24,26 +24,26 @@ use crate::sim::{ActorRef, Control, Driver, Plant, View};
 use manoeuvre::{Abilities, Manoeuvre, Planned, Reference, Start, stop};
 use settings::{STATES, STEP_S};
 
-/// States between two that are looked up on the map.
+/// Number of states between two that are looked up on the map.
 const ROAD_STEPS: usize = 3;
 
 /// The driver.
 pub struct FrenetDriver {
     settings: Settings,
     reference: Option<Reference>,
-    /// Whom the ego overlapped once: they are passed over for ever.
+    /// Road users that the ego overlapped once: they are ignored for ever.
     passed_over: BTreeSet<ActorRef>,
-    /// What is being driven, and since which decision.
+    /// The manoeuvre being driven, and the decision at which it began.
     plan: Option<(usize, [Planned; STATES])>,
 }
 
 impl FrenetDriver {
-    /// With the published constants, or others.
+    /// Makes a driver with the published constants, or others.
     pub fn new(settings: Settings) -> FrenetDriver {
         FrenetDriver { settings, reference: None, passed_over: BTreeSet::new(), plan: None }
     }
 
-    /// The cheapest manoeuvre that meets nobody, else full brakes; `None` where the ego stands across the reference.
+    /// Returns the cheapest manoeuvre that meets nobody, else full brakes; `None` where the ego stands across the reference.
     fn planned(&mut self, view: &View<'_>, car: &Car, now: &State) -> Option<[Planned; STATES]> {
         let (settings, reference) = (&self.settings, self.reference.as_ref()?);
         let limits = view.plant().limits().at_step(view.decision());
@@ -78,7 +78,7 @@ impl FrenetDriver {
     }
 }
 
-/// All manoeuvres of a level: end times, speeds, offsets, and the present offset.
+/// Returns all manoeuvres of a level: end times, speeds, offsets, and the present offset.
 fn manoeuvres(
     start: &Start,
     speed_mps: f64,
@@ -99,7 +99,7 @@ fn manoeuvres(
     })
 }
 
-/// How far the outermost corner is beside the lanes, metres, at most `within_m`.
+/// Returns how far the outermost corner is beside the lanes, metres, at most `within_m`.
 fn beside_road_m(plant: &Plant, own: &OrientedBox, within_m: f64) -> f64 {
     let lanes = plant.lanes();
     let beside = |corner| {
@@ -108,7 +108,7 @@ fn beside_road_m(plant: &Plant, own: &OrientedBox, within_m: f64) -> f64 {
     own.corners().into_iter().map(beside).fold(0.0, f64::max)
 }
 
-/// Whether the ego keeps its room to everybody. Who runs into it from behind, or while it stands, looks out for himself.
+/// Returns `true` if the ego keeps its room to everybody. It ignores others that run into it from behind, or while it stands.
 fn meets_nobody(
     states: &[Planned; STATES],
     boxes: &[OrientedBox; STATES],
@@ -121,7 +121,7 @@ fn meets_nobody(
         ..*own
     };
     others.iter().all(|other| {
-        // Who is that near already is passed as near.
+        // A road user that is that near already may be passed as near.
         let is_near = wide(&boxes[0]).overlaps(&other.now);
         let reach_m = wide(&boxes[0]).radius() + other.now.radius();
         for (k, own) in boxes.iter().enumerate().skip(1) {

@@ -8,7 +8,7 @@ pub const STEPS: usize = 60;
 /// States of a trajectory: now, and behind each step.
 pub const STATES: usize = STEPS + 1;
 
-/// What decides.
+/// Numbers that decide.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Decisions that a plan holds for.
@@ -18,33 +18,33 @@ pub struct Settings {
     pub levels: [(usize, usize); 2],
     /// The first step at which a manoeuvre may end: 0.4 s.
     pub end_step_min: usize,
-    /// Offsets at the end of a manoeuvre reach as far to either side, metres.
+    /// Largest offset to either side at the end of a manoeuvre, metres.
     pub offset_m: f64,
-    /// Speeds at its end reach from so much below the present one: an eighth of the horizon at 11.5 m/s², m/s ...
+    /// Range of the end speeds below the present one: an eighth of the horizon at 11.5 m/s², m/s ...
     pub slower_mps: f64,
-    /// ... to so much above it, but over at least `speeds_mps`, m/s.
+    /// ... and above it, but over at least `speeds_mps`, m/s.
     pub faster_mps: f64,
     /// The least width of that range, m/s.
     pub speeds_mps: f64,
-    /// Below this the way aside is planned over the way along, not over time, m/s.
+    /// Speed below which the way aside is planned over the way along, not over time, m/s.
     pub slow_mps: f64,
-    /// Speed aimed at where nobody knows a limit: PDM-Closed's, m/s.
+    /// Speed aimed at where no limit is known: PDM-Closed's, m/s.
     pub free_speed_mps: f64,
     /// Weight of the squared acceleration at each state.
     pub acceleration_weight: f64,
-    /// Of the squared distance from the speed that is aimed at: at each state, at the last, at the middle one.
+    /// Weights of the squared distance from the speed that is aimed at: at each state, at the last, at the middle one.
     pub speed_weights: [f64; 3],
-    /// Of the squared offset: at each state, at the last.
+    /// Weights of the squared offset: at each state, at the last.
     pub offset_weights: [f64; 2],
-    /// Of the squared turn from the reference: at each state, at the last.
+    /// Weights of the squared turn from the reference: at each state, at the last.
     pub turn_weights: [f64; 2],
     /// Largest acceleration to the side, m/s²: nuPlan's bound of comfort. The source's car has a friction circle of 11.5 m/s², which our
     /// tyres do not hold.
     pub across_mps2: f64,
-    /// Room ahead and behind, and to either side, metres: IDM's least gap in PDM-Closed, and UN R157's margin of a lane. The source has
-    /// none, for its car is where its plan is.
+    /// Room ahead and behind, and to either side, metres: IDM's least gap in PDM-Closed, and UN R157's margin of a lane. The source needs
+    /// none, because its car is where its plan is.
     pub room_m: [f64; 2],
-    /// How far a corner may be beside the lanes, metres: as for the careful driver of `contact.avoidable`.
+    /// Largest distance of a corner beside the lanes, metres: as for the careful driver of `contact.avoidable`.
     pub beside_road_m: f64,
 }
 

@@ -91,7 +91,7 @@ proptest! {
             1 => scene.road.lanes.iter_mut().for_each(|lane| lane.speed_limit_mps = None),
             // The route turns off the map.
             2 => scene.ego.route = (0..60).map(|k| Vec2::new(-45.0 + 1.5 * f64::from(k.min(20)), -1.75 - 2.0 * f64::from((k - 20).max(0)))).collect(),
-            // It begins inside somebody, and across its route.
+            // It begins inside another car, and across its route.
             3 => scene.tracks.push(car("inside", straight(sample(-44.0, -1.5, 0.0, 3.0), 61))),
             // A limit at which nobody may drive, and one at which nobody can; a route of less than a step.
             4 => scene.road.lanes.iter_mut().for_each(|lane| lane.speed_limit_mps = Some([0.0, 1e6][seed as usize % 2])),

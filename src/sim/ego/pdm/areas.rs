@@ -1,4 +1,4 @@
-//! Where a box stands on the map: in one lane, in several, off the road, against traffic.
+//! Areas of the map under a box: one lane, several lanes, off the road, against traffic.
 
 use crate::kernel::{OrientedBox, Vec2};
 use crate::scene::LaneIx;
@@ -7,18 +7,18 @@ use crate::sim::Plant;
 /// Corners of a box.
 const CORNERS: usize = 4;
 
-/// What PDM asks of the map.
+/// Facts of the map that PDM needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Areas {
-    /// Several lanes hold a corner, and none holds all.
+    /// True if several lanes hold a corner, and none holds all.
     pub in_several_lanes: bool,
-    /// Some corner is in no lane.
+    /// True if some corner is in no lane.
     pub off_road: bool,
-    /// The middle is in no lane of the route.
+    /// True if the middle is in no lane of the route.
     pub oncoming: bool,
 }
 
-/// The areas of a box. On a map without lanes it is on the road, and where the route meets no lane nothing is oncoming.
+/// Returns the areas of a box. On a map without lanes it is on the road, and where the route meets no lane nothing is oncoming.
 /// `on_route`: `[lanes]`, or empty.
 pub fn areas(plant: &Plant, on_route: &[bool], own: &OrientedBox) -> Areas {
     if plant.lanes().lane_count() == 0 {

@@ -6,9 +6,9 @@ use crate::sim::Plant;
 
 /// Spacing of its points, metres.
 const SPACING_M: f64 = 1.0;
-/// It goes on so far beyond the route's end, so that nobody brakes for it: who arrives is done. Metres.
+/// Length beyond the route's end, so that nobody brakes for it, metres: an ego that arrives is done.
 const BEYOND_M: f64 = 120.0;
-/// The lane of a place of the route is not looked for farther away, metres.
+/// Largest distance at which the lane of a place of the route is looked for, metres.
 const LANE_WITHIN_M: f64 = 3.0;
 
 /// A line with a heading at each point, between which it is interpolated.

@@ -1,4 +1,4 @@
-//! Whether a proposal is comfortable: accelerations, jerks and yaw, smoothed by Savitzky and Golay's polynomials.
+//! Comfort of a proposal: accelerations, jerks and yaw, smoothed by Savitzky and Golay's polynomials.
 
 use super::settings::{STATES, STEP_S, Settings};
 use super::simulated::State;
@@ -13,7 +13,7 @@ struct Smoothing<const WINDOW: usize> {
     size: usize,
     /// Powers of the places, the middle of the window being 0.
     powers: [[f64; COEFFICIENTS]; WINDOW],
-    /// The matrix without what is below its diagonal, where the shares stand that took it away (Gauss).
+    /// Upper triangle of the matrix. Below the diagonal stand the factors of the Gaussian elimination.
     matrix: [[f64; COEFFICIENTS]; COEFFICIENTS],
 }
 
@@ -44,7 +44,7 @@ impl<const WINDOW: usize> Smoothing<WINDOW> {
         Smoothing { size, powers, matrix }
     }
 
-    /// The coefficients from the constant on.
+    /// Returns the coefficients from the constant on.
     fn polynomial(&self, values: &[f64]) -> [f64; COEFFICIENTS] {
         let mut right = [0.0; COEFFICIENTS];
         for (powers, value) in self.powers.iter().zip(values) {
@@ -65,7 +65,7 @@ impl<const WINDOW: usize> Smoothing<WINDOW> {
         coefficients
     }
 
-    /// The derivative of a smoothed list, a value each; near the ends the first and the last window's polynomial goes on.
+    /// Returns the derivative of a smoothed list, a value each; near the ends the first and the last window's polynomial goes on.
     fn derivative(&self, values: &[f64; STATES], times: u32) -> [f64; STATES] {
         let last = STATES - WINDOW;
         let mut known = (0, self.polynomial(&values[..WINDOW]));
@@ -86,7 +86,7 @@ impl<const WINDOW: usize> Smoothing<WINDOW> {
     }
 }
 
-/// The smoothings of nuPlan's measures of comfort. What it smooths twice, over 8 and over all 41 states, is smoothed over all here.
+/// The smoothings of nuPlan's measures of comfort. Where nuPlan smooths twice, over 8 and over all 41 states, this smooths once over all.
 pub struct Comfort {
     all: Smoothing<STATES>,
     turn: Smoothing<5>,
@@ -94,12 +94,12 @@ pub struct Comfort {
 }
 
 impl Comfort {
-    /// For any number of proposals.
+    /// Makes the smoothings for any number of proposals.
     pub fn new() -> Comfort {
         Comfort { all: Smoothing::of(2), turn: Smoothing::of(2), turn_rate: Smoothing::of(3) }
     }
 
-    /// Whether all bounds hold at all states.
+    /// Returns `true` if all bounds hold at all states.
     pub fn holds(&self, states: &[State; STATES], wheelbase_m: f64, settings: &Settings) -> bool {
         let yaw_of = |state: &State| state.speed_mps * num::tan(state.steering_rad) / wheelbase_m;
         let along = states.each_ref().map(|state| state.acceleration_mps2);

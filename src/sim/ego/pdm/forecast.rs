@@ -1,4 +1,4 @@
-//! Where the others will be: everybody keeps speed and heading.
+//! Forecast of the others: everybody keeps speed and heading.
 
 use std::collections::BTreeSet;
 
@@ -13,40 +13,40 @@ const WALL_HALF_M: f64 = 0.05;
 /// Half its extent across, metres.
 const WALL_HALF_WIDTH_M: f64 = 2.0;
 
-/// Somebody as PDM sees them.
+/// Another road user or thing as PDM sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct Other {
-    /// Their box now.
+    /// Its box now.
     pub now: OrientedBox,
     /// Unit vector of the box's motion: along its axis, or against it where it rolls back.
     pub course: Vec2,
-    /// At least 0, m/s.
+    /// Speed, at least 0, m/s.
     pub speed_mps: f64,
-    /// Whether it is a road user. Barriers, parked things and red lights are none.
+    /// True if it is a road user. Barriers, parked things and red lights are none.
     pub is_agent: bool,
-    /// Whether it is a red light: nobody is struck by one.
+    /// True if it is a red light: nobody is struck by one.
     pub is_light: bool,
 }
 
 impl Other {
-    /// Their box so many seconds from now; who is no agent stays.
+    /// Returns its box so many seconds from now; a thing stays.
     pub fn in_s(&self, seconds: f64) -> OrientedBox {
         OrientedBox { center: self.now.center + self.course * (self.speed_mps * seconds), ..self.now }
     }
 
-    /// Their box in the map that holds at a step of a proposal.
+    /// Returns its box in the map that holds at a step of a proposal.
     pub fn at_step(&self, step: usize) -> OrientedBox {
         self.in_s((step / STEPS_A_MAP * STEPS_A_MAP) as f64 * STEP_S)
     }
 
-    /// Whether they stand (nuPlan's stopped track).
+    /// Returns `true` if it stands (nuPlan's stopped track).
     pub fn stands(&self) -> bool {
         !self.is_agent || self.speed_mps <= OTHER_STANDS_MPS
     }
 }
 
-/// Everybody within reach, nearest first, without those whom the ego overlaps or has overlapped: nothing that it does now would
-/// undo that. `own` is the ego's box, `light` the stop point of a red light ahead with the route's heading there.
+/// Returns everybody within reach, nearest first, without those whom the ego overlaps or has overlapped: nothing that it does now
+/// would undo that. `own` is the ego's box, `light` the stop point of a red light ahead with the route's heading there.
 pub fn others(
     view: &View<'_>,
     own: &OrientedBox,
@@ -93,7 +93,7 @@ fn wall(point: Vec2, heading_rad: f64) -> Other {
     Other { now, course: axis, speed_mps: 0.0, is_agent: false, is_light: true }
 }
 
-/// The kind of a contact of the ego's box at a speed, with its rear axle there.
+/// Returns the kind of a contact of the ego's box at a speed, with its rear axle there.
 pub fn contact_kind(
     own: &OrientedBox,
     rear_axle: Vec2,

@@ -1,8 +1,8 @@
 //! PDM-Closed (Dauner et al., CoRL 2023; autonomousvision/tuplan_garage): fifteen proposals along the route, each simulated against a
 //! forecast of everybody around, scored by nuPlan's measures; the best is driven. It looks around, where IDM looks ahead.
 //!
-//! What our scenes lack stands in docs/EGOS.md. Kept of the original are its quirks that change decisions: forecasts held over two
-//! steps, a leader that is looked for at even steps alone, an emergency brake whose reference may run backwards.
+//! `docs/EGOS.md` lists the things that our scenes lack. Kept are the quirks of the original that change decisions: forecasts held over
+//! two steps, a leader that is looked for at even steps alone, an emergency brake whose reference may run backwards.
 
 mod areas;
 pub(super) mod centreline;
@@ -32,10 +32,10 @@ use settings::{STATES, STEP_S};
 use simulated::{Car, State};
 use tracker::Tracker;
 
-/// The lane whose speed limit holds is not looked for farther away, metres.
+/// Largest distance at which the lane with the speed limit is looked for, metres.
 const LIMIT_WITHIN_M: f64 = 3.0;
 
-/// What is known of a scene before anybody moves.
+/// Data of a scene that is known before anybody moves.
 struct Way {
     paths: [Centreline; 3],
     on_route: Vec<bool>,
@@ -46,12 +46,12 @@ pub struct PdmDriver {
     settings: Settings,
     comfort: Comfort,
     way: Option<Way>,
-    /// Whom the ego overlapped once: they are passed over for ever.
+    /// Road users that the ego overlapped once: they are ignored for ever.
     passed_over: BTreeSet<ActorRef>,
 }
 
 impl PdmDriver {
-    /// With the published constants, or others.
+    /// Makes a driver with the published constants, or others.
     pub fn new(settings: Settings) -> PdmDriver {
         PdmDriver { settings, comfort: Comfort::new(), way: None, passed_over: BTreeSet::new() }
     }
@@ -105,7 +105,7 @@ impl Driver for PdmDriver {
     }
 }
 
-/// The limit of the lane where the ego is, else what the scene aims at, else a speed, m/s.
+/// Returns the speed limit of the ego's lane, else the target speed of the scene, else the given speed, m/s.
 pub(super) fn limit_mps(view: &View<'_>, free_speed_mps: f64) -> f64 {
     let (plant, ego) = (view.plant(), view.ego());
     let place = plant.lanes().nearest_lane(ego.sample.position, ego.sample.heading_rad, LIMIT_WITHIN_M);
@@ -114,14 +114,14 @@ pub(super) fn limit_mps(view: &View<'_>, free_speed_mps: f64) -> f64 {
     known.unwrap_or(free_speed_mps)
 }
 
-/// The stop point of the nearest red light ahead, and the route's heading there.
+/// Returns the stop point of the nearest red light ahead, and the route's heading there.
 pub(super) fn red_light(view: &View<'_>) -> Option<(Vec2, f64)> {
     let along = view.ego().along;
     let s_m = along.s_m + view.red_light_m()?;
     Some((view.route().at(s_m, along.segment), view.route().heading_at(s_m, along.segment)))
 }
 
-/// The best proposal; of equals the first, which is the slower one on the centreline.
+/// Returns the best proposal; of equals the first, which is the slower one on the centreline.
 fn first_best(judged: &[Judgement]) -> (usize, &Judgement) {
     let mut best = 0;
     for (k, one) in judged.iter().enumerate() {
@@ -136,7 +136,7 @@ fn is_emergency(judgement: &Judgement, speed_mps: f64, settings: &Settings) -> b
     judgement.at_fault_s.is_some_and(|at_s| at_s <= settings.emergency_s) && speed_mps <= settings.emergency_mps
 }
 
-/// Straight on at a speed that full brakes would leave; as published it lies below 0 where the ego is slow.
+/// Goes straight on at a speed that full brakes would leave; as published it lies below 0 where the ego is slow.
 fn emergency(now: &State, settings: &Settings) -> Trajectory {
     let [low, high] = settings.along_mps2;
     let (speed, acceleration) = (now.speed_mps, now.acceleration_mps2);

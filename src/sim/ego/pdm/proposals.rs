@@ -1,4 +1,4 @@
-//! Fifteen ways to go on: three paths, five speeds, each driven by IDM behind whoever is nearest on its path.
+//! Fifteen ways to go on: three paths, five speeds, each driven by IDM behind the nearest road user on its path.
 
 use super::centreline::{Centreline, Pose};
 use super::forecast::Other;
@@ -15,7 +15,7 @@ pub type Trajectory = [Pose; STATES];
 /// Whom a proposal may meet on its path at a step: a place among the others and the arc length of their centre, metres.
 type OnPath = Vec<(usize, f64)>;
 
-/// A path with whoever is on it, map by map.
+/// A path with the road users on it, map by map.
 struct Corridor<'a> {
     path: &'a Centreline,
     /// Arc length of the ego's rear axle, metres.

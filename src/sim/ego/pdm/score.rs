@@ -1,4 +1,4 @@
-//! What a proposal is worth: is nobody struck, does it stay on the road and in its direction, how far does it come, how near is
+//! Score of a proposal: is nobody struck, does it stay on the road and in its direction, how far does it come, how near is
 //! a collision, is it comfortable (`PDMScorer`).
 
 use super::areas::{Areas, areas};
@@ -11,10 +11,10 @@ use crate::kernel::{Extent, OrientedBox};
 use crate::sim::Plant;
 use crate::sim::fault::{BEHIND_RAD, ContactKind, OTHER_STANDS_MPS, seen_at_rad};
 
-/// More than rounding amounts to in a distance, metres.
+/// Bound on the rounding error of a distance, metres.
 const SLACK_M: f64 = 0.01;
 
-/// A proposal as it was judged.
+/// The judgement of a proposal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judgement {
     /// Product of the multipliers and weighted mean of the rest, 0 to 1.
@@ -23,7 +23,7 @@ pub struct Judgement {
     pub at_fault_s: Option<f64>,
 }
 
-/// What all proposals of a decision are judged by.
+/// Data by which all proposals of a decision are judged.
 pub struct Judge<'a> {
     pub plant: &'a Plant,
     /// Lanes of the route. `[lanes]`
@@ -35,7 +35,7 @@ pub struct Judge<'a> {
     pub settings: &'a Settings,
 }
 
-/// What is known of one proposal before it is held against the others.
+/// Measures of one proposal before it is compared with the others.
 struct Parts {
     multiplier: f64,
     progress_m: f64,
@@ -45,7 +45,7 @@ struct Parts {
 }
 
 impl Judge<'_> {
-    /// The judgements, in the order of the proposals.
+    /// Returns the judgements, in the order of the proposals.
     pub fn judged(&self, proposals: &[[State; STATES]]) -> Vec<Judgement> {
         let moving = self.moving();
         let parts: Vec<Parts> = proposals.iter().map(|states| self.parts(states, &moving)).collect();
@@ -86,7 +86,7 @@ impl Judge<'_> {
         }
     }
 
-    /// The others but lights, each with the rectangle that it does not leave while proposals are looked at.
+    /// Returns the others but lights, each with the rectangle that holds it while proposals are looked at.
     fn moving(&self) -> Vec<(&Other, Extent)> {
         let last = STATES + (self.looks_s() / STEP_S) as usize;
         let around = |other: &Other| {
@@ -96,7 +96,7 @@ impl Judge<'_> {
         self.others.iter().filter(|other| !other.is_light).map(|other| (other, around(other))).collect()
     }
 
-    /// Those whom some box may meet, now or looking ahead: the rest is passed over at once.
+    /// Returns the others that some box may meet, now or looking ahead: the rest is excluded at once.
     fn near<'o>(
         &self,
         moving: &[(&'o Other, Extent)],
@@ -109,12 +109,12 @@ impl Judge<'_> {
         moving.iter().filter(|(_, around)| way.meets(around)).map(|(other, _)| *other).collect()
     }
 
-    /// The farthest look ahead, s.
+    /// Returns the farthest look ahead, s.
     fn looks_s(&self) -> f64 {
         self.settings.collision_looks_s.into_iter().fold(0.0, f64::max)
     }
 
-    /// 1, .5 or 0 by the longest way against traffic.
+    /// Returns 1, .5 or 0 by the longest way against traffic.
     fn direction(&self, boxes: &[OrientedBox; STATES], areas: &[Areas; STATES]) -> f64 {
         let (mut longest_m, mut way_m) = (0.0_f64, 0.0);
         for k in 1..STATES {
@@ -129,7 +129,7 @@ impl Judge<'_> {
         }
     }
 
-    /// Whether nobody ahead would be met within a second if the ego went straight on.
+    /// Returns `true` if nobody ahead would be met within a second if the ego went straight on.
     fn is_far_from_collision(
         &self,
         near: &[&Other],
@@ -151,7 +151,7 @@ impl Judge<'_> {
                     }
                     let seen_rad = seen_at_rad(own, state.position, &theirs);
                     let is_off = areas[k].in_several_lanes || areas[k].off_road;
-                    // Whoever is met otherwise is not looked at again.
+                    // After a contact of another kind, this road user is not looked at again.
                     return !(seen_rad < AHEAD_RAD || is_off && seen_rad <= BEHIND_RAD);
                 }
             }
@@ -160,7 +160,7 @@ impl Judge<'_> {
     }
 }
 
-/// 0 where a road user is struck for which the ego is at fault, .5 where a thing is, else 1; and the time of the first.
+/// Returns 0 where a road user is struck for which the ego is at fault, .5 where a thing is, else 1; and the time of the first.
 fn collisions(
     near: &[&Other],
     states: &[State; STATES],
@@ -169,7 +169,7 @@ fn collisions(
 ) -> (f64, Option<f64>) {
     let (mut worth, mut first) = (1.0_f64, None);
     for other in near {
-        // Whoever is met once is met.
+        // Only the first contact with each counts.
         let meets = |k: &usize| boxes[*k].overlaps(&other.at_step(*k));
         let Some(k) = (0..STATES).find(meets) else { continue };
         let theirs = other.at_step(k);

@@ -13,15 +13,15 @@ pub const STATES: usize = STEPS + 1;
 /// Steps of a proposal that one forecast holds for: maps of the others are made every 0.2 s.
 pub const STEPS_A_MAP: usize = 2;
 
-/// What decides, by the names of the field: `pdm_closed_planner.yaml`, `PDMScorer`, `PDMEmergencyBrake`, nuPlan's configurations.
+/// Numbers that decide, by the names of the field: `pdm_closed_planner.yaml`, `PDMScorer`, `PDMEmergencyBrake`, nuPlan's configurations.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
     /// Shares of the speed limit at which proposals aim.
     pub speed_shares: [f64; 5],
-    /// Metres to the left of the centreline of the paths of proposals, in the order of the paths.
+    /// Offsets of the paths of proposals to the left of the centreline, metres, in the order of the paths.
     pub offsets_m: [f64; 3],
-    /// Speed aimed at where nobody knows a limit, m/s.
+    /// Speed aimed at where no limit is known, m/s.
     pub free_speed_mps: f64,
     /// s0 of IDM, metres.
     pub gap_min_m: f64,
@@ -33,9 +33,9 @@ pub struct Settings {
     pub brake_mps2: f64,
     /// Exponent of the speed in IDM.
     pub exponent: u32,
-    /// Others whose centre is farther from the ego's are not seen, metres.
+    /// Distance between centres beyond which others are not seen, metres.
     pub radius_m: f64,
-    /// Others that are kept at most, the nearest ones: vehicles, pedestrians, cyclists, things.
+    /// Most others that are kept, the nearest ones: vehicles, pedestrians, cyclists, things.
     pub kept: [usize; 4],
     /// Weight of the progress in the score.
     pub progress_weight: f64,
@@ -45,13 +45,13 @@ pub struct Settings {
     pub comfort_weight: f64,
     /// Way against traffic at which a proposal loses half of its score, and all of it, metres.
     pub oncoming_m: [f64; 2],
-    /// Seconds ahead for which the time to collision is looked at.
+    /// Times ahead for which the time to collision is checked, s.
     pub collision_looks_s: [f64; 4],
-    /// A contact for which the ego is at fault, as soon as this, s, makes it brake fully ...
+    /// Time, s, within which a contact for which the ego is at fault makes it brake fully ...
     pub emergency_s: f64,
     /// ... where it is no faster than this, m/s.
     pub emergency_mps: f64,
-    /// Of the emergency brake, least and greatest acceleration; also the bounds of comfort along the heading, m/s².
+    /// Least and greatest acceleration of the emergency brake; also the bounds of comfort along the heading, m/s².
     pub along_mps2: [f64; 2],
     /// Bounds of comfort: acceleration to the side, m/s².
     pub across_mps2: f64,
@@ -92,7 +92,7 @@ pub const PUBLISHED: Settings = Settings {
     yaw_radps: 0.95,
 };
 
-/// Who is seen at less than this from the ego's heading is ahead, radians.
+/// Angle from the ego's heading below which a road user is ahead, radians.
 pub const AHEAD_RAD: f64 = 20.0 * num::PI / 180.0;
-/// Progress of the best proposal up to which all are alike, metres.
+/// Progress of the best proposal up to which all count as equal, metres.
 pub const PROGRESS_MIN_M: f64 = 0.1;

@@ -94,7 +94,7 @@ impl Car {
         }
     }
 
-    /// The states in which this car drives who tracks these poses.
+    /// Returns the states of this car when it tracks these poses.
     pub fn simulated(&self, first: State, poses: &[Pose; STATES]) -> [State; STATES] {
         let tracker = Tracker::of(poses, self.wheelbase_m);
         let mut states = [first; STATES];

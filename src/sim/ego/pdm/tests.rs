@@ -1,4 +1,4 @@
-//! PDM where an answer is known.
+//! Tests of PDM where an answer is known.
 
 use proptest::prelude::*;
 
@@ -36,7 +36,7 @@ fn the_kind_of_a_contact_is_the_first_of_nuplans_that_holds() {
     assert_eq!(kind(3.0, &behind), ContactKind::Rear);
     assert_eq!(kind(3.0, &ahead), ContactKind::Front);
     assert_eq!(kind(3.0, &beside), ContactKind::Side);
-    // Who is at most 150 degrees off is not behind, and no bumper touches him.
+    // A road user at most 150 degrees off is not behind, and no bumper touches it.
     let edge = |deg: f64| {
         let at = Vec2::from_heading(deg * num::PI / 180.0) * 2.2;
         kind(3.0, &other(at, 0.0, 3.0))
@@ -51,7 +51,7 @@ fn two_ways() -> Scene {
     scene
 }
 
-/// Straight along +x at a speed, m/s, this far to the left of the route at each step, metres.
+/// Returns states straight along +x at a speed, m/s, this far to the left of the route at each step, metres.
 fn straight_on(speed_mps: f64, left_m: impl Fn(usize) -> f64) -> [State; STATES] {
     std::array::from_fn(|k| State {
         position: Vec2::new(STEP_S * k as f64 * speed_mps, left_m(k)),
@@ -63,7 +63,7 @@ fn straight_on(speed_mps: f64, left_m: impl Fn(usize) -> f64) -> [State; STATES]
     })
 }
 
-/// What proposals on these two lanes are worth among others.
+/// Returns the judgements of proposals on these two lanes among others.
 fn worth(proposals: &[[State; STATES]], others: &[Other]) -> Vec<Judgement> {
     let plant = Plant::new(&two_ways()).unwrap();
     let centreline = Centreline::of(&plant).unwrap();
@@ -104,7 +104,7 @@ fn others_cost_a_proposal_what_comes_of_meeting_them() {
         speed_mps: 0.0,
         ..other(Vec2::ZERO, 0.0, 0.0)
     };
-    // The way ends with the bumper at 35.66 m: whoever stands behind that is met within 0.9 s of going on, 7.2 m.
+    // The way ends with the bumper at 35.66 m: anyone behind that point is met within 0.9 s of going on, 7.2 m.
     let far = meets(&[standing(47.0)]);
     let near = meets(&[standing(41.0)]);
     assert_eq!((far.score, far.at_fault_s), (1.0, None));
@@ -115,11 +115,11 @@ fn others_cost_a_proposal_what_comes_of_meeting_them() {
     assert!((met.at_fault_s.unwrap() - 2.0).abs() < 0.21, "{met:?}");
     let thing = meets(&[Other { is_agent: false, ..standing(21.0) }]);
     assert!(thing.score > 0.0 && thing.score <= 0.5, "{thing:?}");
-    // For who comes from behind the ego is not at fault. As published it loses the time to collision: where it will be met is ahead of where
-    // its rear axle is now.
+    // The ego is not at fault for someone who comes from behind. As published it loses the time to collision: the point of contact is ahead
+    // of the present place of its rear axle.
     let chased = meets(&[other(Vec2::new(-12.0, 0.0), 0.0, 14.0)]);
     assert!((chased.score - 7.0 / 12.0).abs() < 1e-9 && chased.at_fault_s.is_none(), "{chased:?}");
-    // A red light is nobody to be met.
+    // A red light is no road user that can be met.
     assert_eq!(meets(&[Other { is_agent: false, is_light: true, ..standing(21.0) }]).score, 1.0);
 }
 

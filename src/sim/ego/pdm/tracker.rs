@@ -16,12 +16,12 @@ const SIDE_WEIGHTS: [f64; 3] = [1.0, 10.0, 0.0];
 const STOP_MPS: f64 = 0.2;
 const STOP_GAIN_1PS: f64 = 0.5;
 
-/// What the tracker commands.
+/// A command of the tracker.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command {
-    /// Along the heading, m/s².
+    /// Acceleration along the heading, m/s².
     pub acceleration_mps2: f64,
-    /// Of the front wheels, rad/s, positive to the left.
+    /// Turning rate of the front wheels, rad/s, positive to the left.
     pub steering_rate_radps: f64,
 }
 
@@ -34,7 +34,7 @@ pub struct Tracker<'a> {
 }
 
 impl Tracker<'_> {
-    /// Fits speeds and curvatures to the poses of now and of behind each step.
+    /// Fits speeds and curvatures to the poses now and after each step.
     pub fn of(poses: &[Pose; STATES], wheelbase_m: f64) -> Tracker<'_> {
         let way = |k: usize| {
             let (sine, cosine) = num::sin_cos(poses[k].heading_rad);
@@ -47,7 +47,7 @@ impl Tracker<'_> {
         Tracker { poses, speeds_mps, curvatures_1pm, wheelbase_m }
     }
 
-    /// What to do at a step in a state.
+    /// Returns the command at a step in a state.
     pub fn command(&self, step: usize, state: &State) -> Command {
         let aimed_mps = self.speeds_mps[(step + HORIZON).min(STEPS - 1)];
         if state.speed_mps <= STOP_MPS && aimed_mps <= STOP_MPS {

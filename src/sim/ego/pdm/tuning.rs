@@ -3,15 +3,15 @@
 use super::settings::Settings;
 use crate::kernel::{Stream, num};
 
-/// A constant: its name, its bounds, and where it stands.
+/// A constant: its name, its bounds, and its place in the settings.
 pub struct Constant {
-    /// That of its field, or of what stands for several.
+    /// Name of its field, or of a group of fields.
     pub name: &'static str,
-    /// In the field's unit.
+    /// Lower bound, in the field's unit.
     pub least: f64,
-    /// In the field's unit.
+    /// Upper bound, in the field's unit.
     pub most: f64,
-    /// Where it stands.
+    /// Reads it from the settings.
     pub read: fn(&Settings) -> f64,
     write: fn(&mut Settings, f64),
 }
@@ -57,7 +57,7 @@ pub const CONSTANTS: [Constant; 12] = [
     constant!("emergency_mps", 2.0, 20.0, s => s.emergency_mps),
 ];
 
-/// A neighbour of a setting: one to three constants, each moved by up to a factor of two either way within its bounds.
+/// Draws a neighbour of a setting: one to three constants, each moved by up to a factor of two either way within its bounds.
 pub fn neighbour(of: &Settings, stream: &mut Stream) -> Settings {
     let mut moved = *of;
     for _ in 0..1 + stream.below(MOVED_MAX) {
@@ -69,7 +69,7 @@ pub fn neighbour(of: &Settings, stream: &mut Stream) -> Settings {
     moved
 }
 
-/// The first constant beyond its bounds, with what was found.
+/// Returns the first constant beyond its bounds, with its value.
 pub fn beyond(of: &Settings) -> Option<(&'static str, f64)> {
     let own = |constant: &Constant| (constant.name, (constant.read)(of), constant.least, constant.most);
     CONSTANTS.iter().map(own).find(|(_, found, least, most)| !(least..=most).contains(&found)).map(|of| (of.0, of.1))

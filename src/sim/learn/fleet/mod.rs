@@ -1,5 +1,5 @@
 //! Many episodes side by side, for learners from outside: one array of actions in, arrays of observations and rewards out, and
-//! a new episode where one ended. What a place does depends on its seed and its actions alone, so the numbers are the same
+//! a new episode where one ended. A place depends on its seed and its actions alone, so the numbers are the same
 //! for any number of threads.
 
 mod error;
@@ -24,7 +24,7 @@ use crate::sim::Episode;
 use place::Place;
 use rows::Rows;
 
-/// More places than this are refused.
+/// Most places of a fleet.
 pub const PLACES_MAX: usize = 1 << 20;
 /// Parts that each thread gets: a part with many new episodes takes longer, and the others take what is left.
 const PARTS_A_THREAD: usize = 4;
@@ -35,14 +35,14 @@ pub struct Fleet {
     options: FleetOptions,
     places: Vec<Place>,
     sheets: Sheets,
-    /// Which sheet of observations was written last.
+    /// Index of the sheet of observations that was written last.
     sheet: usize,
     is_begun: bool,
     steps: u64,
 }
 
 impl Fleet {
-    /// So many places; the first step comes after a [`Fleet::reset`].
+    /// Makes a fleet of so many places; the first step comes after a [`Fleet::reset`].
     pub fn new(tasks: Arc<Tasks>, places: usize, options: FleetOptions) -> Result<Fleet, FleetError> {
         if !(1..=PLACES_MAX).contains(&places) {
             return Err(FleetError::Places { found: places, most: PLACES_MAX });
@@ -52,52 +52,52 @@ impl Fleet {
         Ok(Fleet { tasks, options, places, sheets, sheet: 0, is_begun: false, steps: 0 })
     }
 
-    /// How many places there are.
+    /// Returns the number of places.
     pub fn places(&self) -> usize {
         self.places.len()
     }
 
-    /// Steps so far, summed over the places.
+    /// Returns the number of steps so far, summed over the places.
     pub fn steps(&self) -> u64 {
         self.steps
     }
 
-    /// The numbers of the last step.
+    /// Returns the numbers of the last step.
     pub fn sheets(&self) -> &Sheets {
         &self.sheets
     }
 
-    /// Where actions are written before a step: steering and pedal a place.
+    /// Returns the actions, to be written before a step: steering and pedal a place.
     pub fn actions_mut(&mut self) -> &mut [f32] {
         &mut self.sheets.actions
     }
 
-    /// Which of the two sheets holds the present observations.
+    /// Returns the index of the sheet that holds the present observations.
     pub fn sheet(&self) -> usize {
         self.sheet
     }
 
-    /// The present observations.
+    /// Returns the present observations.
     pub fn observations(&self) -> &[f32] {
         &self.sheets.observations[self.sheet]
     }
 
-    /// What a place drove last, where that is kept.
+    /// Returns the last episode of a place, where that is kept.
     pub fn kept(&self, place: usize) -> Option<&Kept> {
         self.places.get(place)?.last.as_ref()
     }
 
-    /// The episode at a place.
+    /// Returns the episode at a place.
     pub fn episode(&self, place: usize) -> Option<&Episode<'static>> {
         Some(self.places.get(place)?.ride.as_ref()?.episode())
     }
 
-    /// What is driven.
+    /// Returns the tasks.
     pub fn tasks(&self) -> &Arc<Tasks> {
         &self.tasks
     }
 
-    /// Other tasks for every episode that begins from now on.
+    /// Sets other tasks for every episode that begins from now on.
     pub fn set_tasks(&mut self, tasks: Arc<Tasks>) {
         self.tasks = tasks;
     }
@@ -110,7 +110,7 @@ impl Fleet {
         Ok(())
     }
 
-    /// Begins an episode at the places that `is_meant`, or a given task (places of set and task) there.
+    /// Begins an episode at the places for which `is_meant` is true, or a given task (indices of set and task) there.
     pub fn reset(
         &mut self,
         is_meant: &(dyn Fn(usize) -> bool + Sync),
@@ -130,7 +130,7 @@ impl Fleet {
         Ok(())
     }
 
-    /// Carries the actions out; how many episodes ended. After an error other than one of the actions the fleet is not to be
+    /// Carries the actions out, and returns how many episodes ended. After an error other than one of the actions the fleet is not to be
     /// used any more: some places have made the step.
     pub fn step(&mut self, threads: &Threads) -> Result<usize, FleetError> {
         if !self.is_begun {
@@ -151,7 +151,7 @@ impl Fleet {
         Ok(ended)
     }
 
-    /// Does `work` for all places, in parts by the threads; the sum of what it says.
+    /// Does `work` for all places, in parts by the threads, and returns the sum of its results.
     fn each_part(
         &mut self,
         threads: &Threads,

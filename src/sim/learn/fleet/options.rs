@@ -1,4 +1,4 @@
-//! How a fleet drives: what is observed, what a step is worth, when a new episode begins, what is kept.
+//! How a fleet drives: its observations, the reward of a step, when a new episode begins, and the data kept.
 
 use crate::ego::{Setting, arrays};
 use crate::sim::View;
@@ -9,15 +9,15 @@ use crate::learn::ride::Keeps;
 /// When a place whose episode ended begins another one, in Gymnasium's terms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Autoreset {
-    /// With the next step, whose action is not looked at.
+    /// With the next step, whose action is ignored.
     NextStep,
-    /// With the step that ended it: the observation is the new episode's, and the last one of the old is handed out apart.
+    /// With the step that ended it: the observation is the new episode's, and the last one of the old is handed out separately.
     SameStep,
-    /// When it is told to.
+    /// When a reset asks for it.
     Disabled,
 }
 
-/// What is observed.
+/// Kind of observation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Seeing {
     /// The numbers of a learned ego's setting.
@@ -27,7 +27,7 @@ pub enum Seeing {
 }
 
 impl Seeing {
-    /// Numbers in an observation.
+    /// Returns the number of values in an observation.
     pub fn length(self) -> usize {
         match self {
             Seeing::Setting(setting) => setting.length(),
@@ -35,7 +35,7 @@ impl Seeing {
         }
     }
 
-    /// What an action means.
+    /// Returns the setting that gives an action its meaning.
     pub fn setting(self) -> Setting {
         match self {
             Seeing::Setting(setting) => setting,
@@ -57,12 +57,11 @@ pub struct FleetOptions {
     pub seeing: Seeing,
     pub reward: Reward,
     pub autoreset: Autoreset,
-    /// Whether it is asked of every contact with an adversary if it could have been avoided, for which the episode is driven
-    /// once more.
+    /// True if every contact with an adversary is tested for being avoidable, for which the episode is driven once more.
     pub assesses: bool,
-    /// Whether the decisions of the last episode of each place are kept.
+    /// True if the decisions of the last episode of each place are kept.
     pub keeps: bool,
-    /// Whether everyone's motion is kept, to be drawn.
+    /// True if everyone's motion is kept, to be drawn.
     pub keeps_motion: bool,
 }
 

@@ -1,4 +1,4 @@
-//! One place of a fleet: its episode, and what it drives next.
+//! One place of a fleet: its episode, and its next task.
 
 use crate::ego::observation::ACTION;
 use crate::kernel::Seed;
@@ -11,12 +11,12 @@ use crate::learn::ride::Ride;
 
 /// A place and its episode.
 pub(super) struct Place {
-    /// Root of what it draws.
+    /// Root of its random streams.
     pub seed: u64,
-    /// Episodes that it began.
+    /// Number of episodes that it began.
     pub episodes: u64,
     pub ride: Option<Ride<'static>>,
-    /// What it drives, and of which set that is.
+    /// The task that it drives, with the index of its set.
     pub task: Option<(usize, Task)>,
     pub sum: f64,
     /// The last episode that ended, where that is kept.
@@ -28,10 +28,10 @@ pub(super) struct Place {
 /// An episode that ended, as it was driven.
 #[derive(Clone, Debug)]
 pub struct Kept {
-    /// Place of its program among the sets.
+    /// Index of its program among the sets.
     pub program: usize,
     pub task: Task,
-    /// One a step.
+    /// Decisions, one a step.
     pub controls: Vec<Control>,
     pub end: End,
 }
@@ -62,17 +62,17 @@ impl Place {
         Ok(())
     }
 
-    /// Numbers of scene and program; -1 before the first episode.
+    /// Returns the numbers of scene and program; -1 before the first episode.
     pub fn numbers(&self) -> (i32, i32) {
         self.task.as_ref().map_or((-1, -1), |(program, task)| (task.scene as i32, *program as i32))
     }
 
-    /// Whether it waits for a reset.
+    /// Returns `true` if it waits for a reset.
     pub fn is_over(&self) -> bool {
         self.ride.as_ref().is_some_and(|ride| ride.episode().end().is_some())
     }
 
-    /// One step: what it was worth, and how the episode ended if it did. `at` is the place's own number.
+    /// Does one step, and returns its reward, and the end if the episode ended. `at` is the place's own number.
     pub fn step(
         &mut self,
         at: usize,
@@ -86,14 +86,14 @@ impl Place {
         Ok((worth, end))
     }
 
-    /// Writes what is seen now into a row.
+    /// Writes the present observation into a row.
     pub fn observe(&mut self, seeing: Seeing, row: &mut [f32]) {
         let Some(ride) = &self.ride else { return };
         seeing.observe(&ride.view(), &mut self.values);
         row.copy_from_slice(&self.values);
     }
 
-    /// The contact of an episode that ended, and whether it could have been avoided where that is asked.
+    /// Returns the contact of an episode that ended, assessed where that is asked for.
     pub fn contact(&self, options: &FleetOptions) -> Result<Option<Contact>, SimError> {
         let Some(ride) = &self.ride else { return Ok(None) };
         if options.assesses { ride.episode().assessed_contact() } else { Ok(ride.episode().contact().copied()) }

@@ -1,44 +1,44 @@
-//! The numbers that a fleet hands out, one row a place. They are made once and never move, so that whoever looks at them from
-//! outside needs no copy.
+//! The numbers that a fleet hands out, one row a place. They are allocated once and never move, so that readers from
+//! outside need no copy.
 
 use crate::ego::observation::ACTION;
 
-/// Of the episode that a step belonged to. Codes that name nothing are -1.
+/// Facts of the episode that a step belonged to. Codes that name nothing are -1.
 #[derive(Clone, Debug)]
 pub struct Reports {
-    /// Place of its scene, as its task says.
+    /// Number of its scene, as its task says.
     pub scene: Vec<i32>,
-    /// Place of its program among the sets.
+    /// Index of its program among the sets.
     pub program: Vec<i32>,
     /// [`End`](crate::sim::End) as a number; -1 while it goes on.
     pub end: Vec<i8>,
     /// [`ContactClass`](crate::sim::ContactClass) as a number; -1 without a contact.
     pub contact_class: Vec<i8>,
-    /// Whether the contact was with an adversary.
+    /// 1 if the contact was with an adversary.
     pub adversary: Vec<u8>,
-    /// Whether the contact with an adversary could have been avoided; -1 where that was not asked, or there is none.
+    /// 1 if a careful ego would have prevented the contact with an adversary; -1 where that was not asked, or there is none.
     pub preventable: Vec<i8>,
     /// Share of the route driven.
     pub route_completion: Vec<f32>,
-    /// Steps.
+    /// Number of steps.
     pub length: Vec<i32>,
     /// Sum of its rewards.
     pub sum: Vec<f64>,
 }
 
-/// All of them.
+/// All numbers of a fleet.
 #[derive(Clone, Debug)]
 pub struct Sheets {
-    /// What is to be done: two numbers a place.
+    /// Actions of the next step: two numbers a place.
     pub actions: Vec<f32>,
     /// Two sheets, written in turn: what a step returned stays as it is during the next one.
     pub observations: [Vec<f32>; 2],
     /// The last observation of episodes that ended with the last step.
     pub final_observations: Vec<f32>,
     pub rewards: Vec<f64>,
-    /// Whether the episode ended: contact, beside the road, or arrived.
+    /// 1 if the episode ended: contact, beside the road, or arrived.
     pub terminated: Vec<u8>,
-    /// Whether the scene's time is over, which is no end.
+    /// 1 if the scene's time is over, which is no end.
     pub truncated: Vec<u8>,
     pub reports: Reports,
     /// Scene and program of the episode that goes on behind the step.
@@ -47,7 +47,7 @@ pub struct Sheets {
 }
 
 impl Sheets {
-    /// Room for so many places with observations of so many numbers.
+    /// Makes room for so many places with observations of so many numbers.
     pub fn new(places: usize, length: usize) -> Sheets {
         let reports = Reports {
             scene: vec![-1; places],

@@ -1,4 +1,4 @@
-//! What the places of a fleet drive: scenes, as they are or as programs change them, and how often which program comes up.
+//! The tasks of the places of a fleet: scenes, as they are or as programs change them, and how often each program comes up.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use super::error::FleetError;
 /// A scene with what others do to the ego there.
 #[derive(Clone, Debug)]
 pub struct Task {
-    /// Which scene this is; for whoever gave the tasks.
+    /// Number of this scene; for the caller that gave the tasks.
     pub scene: usize,
     pub plant: Arc<Plant>,
     pub intervention: Arc<Intervention>,
@@ -19,12 +19,12 @@ pub struct Task {
 /// The tasks of one program, or of none.
 #[derive(Clone, Debug)]
 pub struct TaskSet {
-    /// How often it comes up, beside the others' shares. Any scale.
+    /// Frequency with which it comes up, relative to the others' shares. Any scale.
     pub share: f64,
     pub tasks: Vec<Task>,
 }
 
-/// All that a fleet drives.
+/// All tasks of a fleet.
 #[derive(Clone, Debug)]
 pub struct Tasks {
     sets: Vec<TaskSet>,
@@ -32,7 +32,7 @@ pub struct Tasks {
 }
 
 impl Tasks {
-    /// Refuses shares that nothing can be drawn by, sets that come up and hold nothing, and scenes without a step.
+    /// Refuses shares by which nothing can be drawn, sets that come up and hold nothing, and scenes without a step.
     pub fn new(sets: Vec<TaskSet>) -> Result<Tasks, FleetError> {
         for (set, of) in sets.iter().enumerate() {
             if !of.share.is_finite() || of.share < 0.0 {
@@ -49,12 +49,12 @@ impl Tasks {
         if shares > 0.0 { Ok(Tasks { sets, shares }) } else { Err(FleetError::NoShare) }
     }
 
-    /// The sets in the order in which they were given.
+    /// Returns the sets in the order in which they were given.
     pub fn sets(&self) -> &[TaskSet] {
         &self.sets
     }
 
-    /// Draws a set by the shares, and one of its tasks evenly: the set's place and the task's place in it.
+    /// Draws a set by the shares, and one of its tasks evenly: the set's index and the task's index in it.
     pub fn draw(&self, stream: &mut Stream) -> (usize, usize) {
         let mut left = stream.unit() * self.shares;
         let mut drawn = 0;

@@ -1,5 +1,5 @@
-//! The account of a rollout: takes every state in turn and sums an outcome up. Who moved everyone does not matter to it: our
-//! own closed loop, or another simulator whose motion is told.
+//! The account of a rollout: takes every state in turn and sums an outcome up. The source of the motion does not matter: our
+//! own closed loop, or another simulator that reports it.
 
 use crate::scene::DT_S;
 use crate::sim::encounters::gaps::Footprints;

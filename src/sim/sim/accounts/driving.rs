@@ -1,5 +1,5 @@
-//! The account of SafeBench's criteria over a rollout of a staged scene: what its overall score and the adversaries'
-//! realism are computed from, beyond what every outcome tells.
+//! The account of SafeBench's criteria over a rollout of a staged scene: the data, beyond that of every outcome, from which
+//! its overall score and the adversaries' realism are computed.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,9 +11,9 @@ use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::actors::Actor;
 use crate::sim::road_users::driver::EgoState;
 
-/// A stop sign asks the ego to stand within this much before its line, metres (about a CARLA trigger volume).
+/// Length before a stop sign's line in which the ego must stand, metres (about a CARLA trigger volume).
 pub const STOP_ZONE_M: f64 = 5.0;
-/// Standing still, m/s (leaderboard's `RunningStopTest`).
+/// Speed up to which the ego stands still, m/s (leaderboard's `RunningStopTest`).
 pub const STANDING_MPS: f64 = 0.1;
 
 /// SafeBench's criteria of one run, unscaled.
@@ -22,13 +22,13 @@ pub const STANDING_MPS: f64 = 0.1;
 pub struct Driving {
     /// Simulated time, s.
     pub duration_s: f64,
-    /// Whether the route was completed: more than 99 % of it and less than 10 m from its end.
+    /// True if the route was completed: more than 99 % of it and less than 10 m from its end.
     pub completed: bool,
     /// Stop lines passed on red.
     pub red_lights: u32,
     /// Stop signs passed without standing still.
     pub stop_signs: u32,
-    /// Driven with the centre off all driving lanes, metres: steps whose end or beginning is off the road.
+    /// Distance driven with the centre off all driving lanes, metres: steps whose end or beginning is off the road.
     pub off_road_m: f64,
     /// Mean over time of the distance to the route, metres.
     pub route_distance_m_mean: f64,
@@ -42,30 +42,30 @@ pub struct Driving {
     pub actors: Vec<ActorConduct>,
 }
 
-/// What realism in SafeBench is judged by, for one adversary, beside its [`AdversaryReport`](crate::sim::AdversaryReport).
+/// Data on one adversary for realism in SafeBench, beside its [`AdversaryReport`](crate::sim::AdversaryReport).
 ///
-/// Both are judged up to [`AFTER_S`] after the moment at which the adversary was nearest to the ego (the end of their
-/// encounter): SafeBench's scripts drive straight on for ever, through bends and fields, and nobody looks at them then.
+/// Both are taken up to [`AFTER_S`] after the moment at which the adversary was nearest to the ego (the end of their
+/// encounter): SafeBench's scripts drive straight on for ever, through bends and fields, and that part is ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActorConduct {
-    /// What sort of road user it is.
+    /// The sort of road user.
     pub kind: AgentKind,
-    /// Whether it ever moved.
+    /// True if it ever moved.
     pub moved: bool,
     /// 95th percentile over the steps of its motion of the absolute longitudinal acceleration, m/s².
     pub acceleration_mps2_p95: f64,
     /// Mean over the time of its motion of the absolute longitudinal jerk, m/s³.
     pub jerk_mps3_mean: f64,
-    /// Box to box to the ego at the first step, metres.
+    /// Distance box to box to the ego at the first step, metres.
     pub ego_gap_m_first: f64,
     /// Smallest distance box to box to another adversary, metres; `None` where it is the only one.
     pub other_gap_m_min: Option<f64>,
 }
 
-/// An encounter is over when its nearest moment lies this far back, s.
+/// Time after its nearest moment at which an encounter is over, s.
 pub const AFTER_S: f64 = 1.0;
-/// Who comes nearer by less than this does not come nearer, metres.
+/// Least change of distance that counts as coming nearer, metres.
 const NEARER_M: f64 = 0.01;
 
 /// The account under way.
@@ -80,13 +80,13 @@ pub(in crate::sim) struct DrivingMeter {
     /// Lowest speed within the zone of each stop line.
     slowest_mps: Vec<f64>,
     actors: Vec<ActorMeter>,
-    /// Driven far beside the route, metres.
+    /// Distance driven far beside the route, metres.
     astray_m: f64,
 }
 
-/// InRouteTest: this far beside the route the run is over, metres.
+/// InRouteTest: distance beside the route at which the run is over, metres.
 const LEFT_ROUTE_M: f64 = 30.0;
-/// InRouteTest: more than this share of the route, driven more than [`ASTRAY_M`] beside it, ends the run too.
+/// InRouteTest: share of the route that, driven more than [`ASTRAY_M`] beside it, ends the run too.
 const ASTRAY_SHARE: f64 = 0.3;
 const ASTRAY_M: f64 = 15.0;
 /// RouteCompletionTest.
@@ -97,19 +97,19 @@ struct ActorMeter {
     conduct: ActorConduct,
     /// Speed and acceleration of the last step.
     last: Option<(f64, Option<f64>)>,
-    /// Absolute values while it moves; room for every step.
+    /// Absolute values while it moves, with room for every step.
     accelerations_mps2: Vec<f64>,
     jerk_mps2_sum: f64,
     moving_s: f64,
     encounter: Encounter,
-    /// What there was at its end, while it is over: number of accelerations, sum of jerk, time, smallest gap.
+    /// State at the end of the encounter, while it is over: number of accelerations, sum of jerk, time, smallest gap.
     judged: Option<(usize, f64, f64, Option<f64>)>,
 }
 
-/// Whether the nearest moment of an adversary and the ego lies behind.
+/// The nearest moment of an adversary and the ego, and the time since.
 #[derive(Clone, Copy)]
 struct Encounter {
-    /// Between centres, so far.
+    /// Smallest distance between centres so far.
     distance_m_min: f64,
     since_s: f64,
 }
@@ -199,7 +199,7 @@ impl DrivingMeter {
         self.so_far.stop_signs += self.runs_signs(course, &last, ego);
     }
 
-    /// Signs whose line is passed without having stood before it.
+    /// Returns the number of signs whose line is passed without standing before it.
     fn runs_signs(&mut self, course: &Course, last: &EgoState, ego: &EgoState) -> u32 {
         let (before, now) = (front_s_m(last), front_s_m(ego));
         let mut run = 0;
@@ -236,17 +236,17 @@ impl DrivingMeter {
         }
     }
 
-    /// Whether the nearest moment of an adversary and the ego lies so far back that nobody judges the adversary any more.
+    /// Returns `true` if the nearest moment of an adversary and the ego lies so far back that the adversary is no longer judged.
     pub fn encounter_is_over(&self, adversary: usize) -> bool {
         self.actors.get(adversary).is_some_and(|meter| meter.encounter.is_over())
     }
 
-    /// SafeBench's InRouteTest: whether the run is over because the ego left its route.
+    /// Implements SafeBench's InRouteTest: returns `true` if the run is over because the ego left its route.
     pub fn has_left_route(&self, ego: &EgoState, route_m: f64) -> bool {
         ego.along.offset_m.abs() > LEFT_ROUTE_M || self.astray_m > ASTRAY_SHARE * route_m
     }
 
-    /// SafeBench's RouteCompletionTest: whether the route is completed.
+    /// Implements SafeBench's RouteCompletionTest: returns `true` if the route is completed.
     pub fn has_arrived(&mut self, ego: &EgoState, completion: f64, end: Vec2) -> bool {
         self.so_far.completed = completion > COMPLETED_SHARE && ego.sample.position.distance(end) < COMPLETED_M;
         self.so_far.completed
@@ -281,7 +281,7 @@ impl ActorMeter {
         self.last = Some((speed_mps, Some(acceleration)));
     }
 
-    /// Notes what there is at the end of the encounter; one that begins again is judged as a whole.
+    /// Stores the state at the end of the encounter; one that begins again is judged as a whole.
     fn judge(&mut self) {
         if !self.encounter.is_over() {
             self.judged = None;
@@ -302,12 +302,12 @@ impl ActorMeter {
     }
 }
 
-/// Arc length of the ego's front bumper, metres.
+/// Returns the arc length of the ego's front bumper, metres.
 fn front_s_m(ego: &EgoState) -> f64 {
     ego.along.s_m + ego.size.half_length_m
 }
 
-/// Whether the front passed a stop line in this step while its light was red.
+/// Returns `true` if the front passed a stop line in this step while its light was red.
 fn runs_red(plant: &Plant, last: &EgoState, ego: &EgoState, k: usize) -> bool {
     let (before, now) = (front_s_m(last), front_s_m(ego));
     let mut lights = plant.lights.iter().filter(|light| before <= light.s_m && now > light.s_m);

@@ -1,4 +1,4 @@
-//! How far a road user's motion goes in each thing that realism judges. The same account is taken of a simulated motion
+//! Measures of a road user's motion in each thing that realism judges. The same account is taken of a simulated motion
 //! and of a recorded one, so that the two can be compared.
 //!
 //! Acceleration, jerk, slip and roughness are levels: the value that the windows of the motion reach for 0.3 s in all
@@ -15,18 +15,18 @@ use crate::scene::{AgentKind, DT_S, Sample};
 use crate::sim::prepared::body::{Place, Size};
 use crate::sim::prepared::drivable::Drivable;
 
-/// A corner this far beyond the lanes still counts as on the road: lane lines of recordings are no better, metres.
+/// Distance beyond the lanes up to which a corner counts as on the road: lane lines of recordings are no better, metres.
 pub const DRIVABLE_TOLERANCE_M: f64 = 0.5;
 /// Windows that must reach a level: 0.3 s.
 pub const LEVEL_WINDOWS: usize = 3;
-/// The place that does not slip sideways lies between a vehicle's centre and its rear end, as a share of its length.
+/// Farthest place without side slip, from a vehicle's centre towards its rear end, as a share of its length.
 const SLIP_FREE_SHARE_MAX: f64 = 0.5;
 
-/// What realism is judged by, of one motion.
+/// Data of one motion that realism judges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Feasibility {
-    /// How far a corner of the box went beyond the drivable area, metres.
+    /// Largest distance of a corner of the box beyond the drivable area, metres.
     pub off_road_m: f64,
     /// Distance driven against a lane's direction, metres.
     pub wrong_way_m: f64,
@@ -44,7 +44,7 @@ pub struct Feasibility {
     pub kink_m: f64,
 }
 
-/// What is summed up step by step; the rest needs windows.
+/// Values that are summed up step by step; the others need windows.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::sim) struct StepMeter {
     before: Option<Vec2>,
@@ -55,12 +55,12 @@ pub(in crate::sim) struct StepMeter {
 }
 
 impl StepMeter {
-    /// The road user is not there: the next sample begins anew.
+    /// Notes that the road user is not there: the next sample begins anew.
     pub fn lose(&mut self) {
         (self.before, self.last) = (None, None);
     }
 
-    /// Takes the next sample, `seconds` after the last one; `counts` from where the motion is judged.
+    /// Takes the next sample, `seconds` after the last one; `counts` is true from where the motion is judged.
     pub fn push(&mut self, road: &Drivable, now: &Sample, axis: Vec2, size: &Size, seconds: f64, counts: bool) {
         if counts {
             self.judge(road, now, axis, size, seconds);
@@ -90,14 +90,14 @@ impl StepMeter {
         }
     }
 
-    /// The account with the levels of the windows that reach sample `from` or later.
+    /// Returns the account with the levels of the windows that reach sample `from` or later.
     pub fn finish(&self, samples: &[Sample], from: usize, size: &Size) -> Feasibility {
         let [acceleration_mps2, jerk_mps3, slip_mps, roughness_m] = levels(samples, from, size);
         Feasibility { acceleration_mps2, jerk_mps3, slip_mps, roughness_m, ..self.so_far }
     }
 }
 
-/// Levels of acceleration, jerk, slip and roughness over the windows that reach sample `from` or later.
+/// Returns the levels of acceleration, jerk, slip and roughness over the windows that reach sample `from` or later.
 fn levels(samples: &[Sample], from: usize, size: &Size) -> [f64; 4] {
     let Some((half, centres)) = windows(samples.len(), from) else { return [0.0; 4] };
     let places: Vec<Vec2> = samples.iter().map(|sample| sample.position).collect();
@@ -112,8 +112,8 @@ fn levels(samples: &[Sample], from: usize, size: &Size) -> [f64; 4] {
     levels.map(|level| level.value())
 }
 
-/// Samples before and after a window's centre, and the centres of the windows that reach sample `from` or later; `None` where there
-/// are too few samples for a window.
+/// Returns the samples on each side of a window's centre, and the centres of the windows that reach sample `from` or later; `None` where
+/// there are too few samples for a window.
 pub(super) fn windows(samples: usize, from: usize) -> Option<(usize, Range<usize>)> {
     let half = HALF_WINDOW.min(samples.saturating_sub(1) / 2);
     (half >= HALF_WINDOW_MIN).then(|| (half, from.saturating_sub(half).max(half)..samples - half))
@@ -122,7 +122,7 @@ pub(super) fn windows(samples: usize, from: usize) -> Option<(usize, Range<usize
 /// The level of a quantity: its third largest value over windows; of fewer windows than three the largest.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Level {
-    /// They fall.
+    /// Largest values, in falling order.
     highest: [f64; LEVEL_WINDOWS],
     windows: usize,
 }
@@ -143,8 +143,8 @@ impl Level {
     }
 }
 
-/// Velocity across the heading at the place of the vehicle where it is least. A car turns about a place on its rear
-/// axle; which place a recording or a generator lets follow the path differs, so all between centre and rear end count.
+/// Returns the velocity across the heading at the place of the vehicle where it is least. A car turns about a place on its
+/// rear axle. Recordings and generators differ in which place follows the path, so all between centre and rear end count.
 fn slip_mps(window: &[Sample], velocity: Vec2, size: &Size) -> f64 {
     if size.kind == AgentKind::Pedestrian {
         return 0.0;
@@ -162,13 +162,13 @@ fn slip_mps(window: &[Sample], velocity: Vec2, size: &Size) -> f64 {
     beyond_turning(across_mps, yaw_rate_radps, size).abs()
 }
 
-/// What of a motion across the heading turning does not explain, in the unit of `across` (m or m/s; `turned` is rad or rad/s).
+/// Returns the motion across the heading that turning does not explain, in the unit of `across` (m or m/s; `turned` is rad or rad/s).
 pub(super) fn beyond_turning(across: f64, turned: f64, size: &Size) -> f64 {
     let explained = turned * 2.0 * size.half_length_m * SLIP_FREE_SHARE_MAX;
     across - across.clamp(explained.min(0.0), explained.max(0.0))
 }
 
-/// The account of a whole recorded motion; a gap begins it anew.
+/// Returns the account of a whole recorded motion; a gap begins it anew.
 pub(in crate::sim) fn of_recording(road: &Drivable, samples: &[Option<Sample>], size: &Size) -> Feasibility {
     let mut meter = StepMeter::default();
     let mut so_far = Feasibility::default();
@@ -204,7 +204,7 @@ mod tests {
         plant.recorded(0)
     }
 
-    /// Straight along the lane with an added shift at each step.
+    /// Makes a motion straight along the lane with an added shift at each step.
     fn shifted(steps: usize, shift: impl Fn(f64) -> Vec2) -> Vec<Option<Sample>> {
         let mut samples = straight(sample(20.0, 0.0, 0.0, 8.0), steps);
         for (k, sample) in samples.iter_mut().flatten().enumerate() {

@@ -1,4 +1,4 @@
-//! What is kept of a rollout: the outcome, and the meters that it is summed up with.
+//! Accounts of a rollout: the outcome, and the meters that sum it up.
 
 pub(super) mod account;
 pub mod driving;

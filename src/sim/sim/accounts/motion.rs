@@ -1,5 +1,5 @@
 //! Motion statistics built up step by step. Plain finite differences over the true time between samples, no filter:
-//! what a trajectory asks of a body is judged as it is written.
+//! the motion that a trajectory demands is judged as written.
 //!
 //! Speed is the norm of the velocity. Longitudinal acceleration is its change over time, jerk the change of that,
 //! yaw rate the wrapped change of heading, lateral acceleration mean speed times yaw rate.
@@ -19,7 +19,7 @@ pub struct MotionMeter {
 }
 
 impl MotionMeter {
-    /// What came before the first sample: differences start from it, but it does not count itself.
+    /// Sets the sample before the first one: differences start from it, but it does not count itself.
     pub fn seed(&mut self, before: &Sample) {
         if self.count == 0 {
             self.last = Some((*before, before.speed_mps()));

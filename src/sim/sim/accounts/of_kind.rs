@@ -1,7 +1,7 @@
-//! What no road user of a kind does: standing still and sliding aside, turning on the spot, running faster than its kind runs. Asked
-//! for by `simulator.of_kind`, because every outcome that says it is another outcome.
+//! Motion that no road user of a kind does: standing still and sliding aside, turning on the spot, running faster than its kind runs.
+//! Only `simulator.of_kind` turns this account on, because an outcome with it differs from one without.
 //!
-//! Wheels roll along their heading. Whatever a motion does beyond that is summed up as a vector, so that the noise of a
+//! Wheels roll along their heading. Any motion beyond that is summed up as a vector, so that the noise of a
 //! recording, which goes to and fro, does not add up, while a slow slide does.
 
 use serde::{Deserialize, Serialize};
@@ -19,25 +19,25 @@ const ACROSS_SHARE: f64 = 0.1;
 /// Least radius on which anything on wheels turns, metres. Passenger cars need 5 m and more, a bicycle about 1.5 m.
 const TURN_RADIUS_M: f64 = 1.5;
 
-/// What of a motion its kind does not do.
+/// Motion that its kind does not do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OfKind {
     /// Largest displacement within 6 s that rolling wheels do not explain, or way of the box's end in a turn on the spot, metres; 0 for
     /// someone on foot.
     pub unrolled_m: f64,
-    /// Level of the speed: what the filtered speed reaches for 0.3 s in all, m/s.
+    /// Level of the speed: the value that the filtered speed reaches for 0.3 s in all, m/s.
     pub speed_mps: f64,
 }
 
 impl OfKind {
-    /// The larger of each.
+    /// Takes the larger of each.
     fn max(self, other: OfKind) -> OfKind {
         OfKind { unrolled_m: self.unrolled_m.max(other.unrolled_m), speed_mps: self.speed_mps.max(other.speed_mps) }
     }
 }
 
-/// The account of a whole recorded motion; a gap begins it anew.
+/// Returns the account of a whole recorded motion; a gap begins it anew.
 pub(in crate::sim) fn of_recording(samples: &[Option<Sample>], size: &Size) -> OfKind {
     let part = |part: &[Option<Sample>]| {
         let run: Vec<Sample> = part.iter().copied().flatten().collect();
@@ -46,7 +46,7 @@ pub(in crate::sim) fn of_recording(samples: &[Option<Sample>], size: &Size) -> O
     samples.split(Option::is_none).map(part).fold(OfKind::default(), OfKind::max)
 }
 
-/// The account of samples that lie 0.1 s apart, from sample `from` on.
+/// Returns the account of samples that lie 0.1 s apart, from sample `from` on.
 pub(in crate::sim) fn of_motion(samples: &[Sample], from: usize, size: &Size) -> OfKind {
     OfKind {
         unrolled_m: unrolled_m(samples.get(from..).unwrap_or_default(), size),
@@ -54,7 +54,7 @@ pub(in crate::sim) fn of_motion(samples: &[Sample], from: usize, size: &Size) ->
     }
 }
 
-/// Third largest of the filtered speeds over the windows that reach sample `from` or later; of a shorter motion the mean speed.
+/// Returns the third largest filtered speed over the windows that reach sample `from` or later; of a shorter motion the mean speed.
 fn speed_mps(samples: &[Sample], from: usize) -> f64 {
     let Some((half, centres)) = windows(samples.len(), from) else {
         let way_m = num::sum(samples.windows(2).map(|two| two[0].position.distance(two[1].position)));
@@ -66,7 +66,7 @@ fn speed_mps(samples: &[Sample], from: usize) -> f64 {
     level.value()
 }
 
-/// A step of something on wheels: rolled along the heading, across it beyond what turning explains, and the turn.
+/// A step of something on wheels: way along the heading, way across it beyond what turning explains, and the turn.
 struct Step {
     along: Vec2,
     across: Vec2,
@@ -81,11 +81,11 @@ fn step(from: &Sample, to: &Sample, size: &Size) -> Step {
     Step { along: ahead * moved.dot(ahead), across: ahead.left() * across_m, turned_rad }
 }
 
-/// The samples with the fitted places and headings, those at either end read off the outermost whole window; a motion that is shorter
-/// than a window as it is. The jitter of a recording is no slide, and no turn.
+/// Returns the samples with fitted places and headings, those at either end from the outermost whole window. A motion shorter than a
+/// window stays as it is. The jitter of a recording is no slide, and no turn.
 ///
-/// Places follow a cubic, headings a line: a turn on the spot goes one way, and at a window's end a cubic would follow a single
-/// sample's error.
+/// Places follow a cubic and headings a line: a turn on the spot goes one way, and at a window's end a cubic would follow the
+/// error of a single sample.
 fn filtered(samples: &[Sample]) -> Vec<Sample> {
     if samples.len() <= 2 * HALF_WINDOW {
         return samples.to_vec();
@@ -110,7 +110,7 @@ fn filtered(samples: &[Sample]) -> Vec<Sample> {
     (0..samples.len()).map(at).collect()
 }
 
-/// The line that fits an odd number of values best, read off so many samples from their centre.
+/// Evaluates the line that fits an odd number of values best, so many samples from their centre.
 fn line_at(values: &[f64], off: f64) -> f64 {
     let half = (values.len() / 2) as f64;
     let centred = || values.iter().enumerate().map(|(k, value)| (k as f64 - half, value));

@@ -1,5 +1,5 @@
-//! Where no road user of a kind is: someone on foot or on a bicycle on a motorway, something on wheels on the other side of a kerb, a
-//! median or a barrier. Asked for by `simulator.of_place`, because every outcome that says it is another outcome.
+//! Places where no road user of a kind is: on foot or on a bicycle on a motorway, on wheels on the other side of a kerb, a
+//! median or a barrier. Only `simulator.of_place` turns this account on, because an outcome with it differs from one without.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,19 +8,19 @@ use crate::scene::pieces::{Piece, Pieces};
 use crate::scene::{AgentKind, DT_S, LaneKind, Sample};
 use crate::sim::prepared::edges::Edges;
 
-/// What of a motion lies where its kind does not belong.
+/// Motion in places where its kind does not belong.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OfPlace {
     /// Time that the centre is on a lane of a motorway and on no other lane, s; 0 for vehicles.
     pub motorway_s: f64,
-    /// How far the centre goes from one carriageway across an edge onto another, metres; 0 for someone on foot. It is the lesser of its
+    /// Largest way of the centre from one carriageway across an edge onto another, metres; 0 for someone on foot. It is the lesser of its
     /// distances from the edge before the crossing and after it.
     pub across_m: f64,
 }
 
 impl OfPlace {
-    /// The larger of each.
+    /// Takes the larger of each.
     fn max(self, other: OfPlace) -> OfPlace {
         OfPlace { motorway_s: self.motorway_s.max(other.motorway_s), across_m: self.across_m.max(other.across_m) }
     }
@@ -34,7 +34,7 @@ pub(in crate::sim) struct Places<'p> {
 }
 
 impl Places<'_> {
-    /// The account of a whole recorded motion; a gap begins it anew.
+    /// Returns the account of a whole recorded motion; a gap begins it anew.
     pub fn of_recording(&self, samples: &[Option<Sample>], kind: AgentKind) -> OfPlace {
         let part = |part: &[Option<Sample>]| {
             let run: Vec<Sample> = part.iter().copied().flatten().collect();
@@ -43,7 +43,7 @@ impl Places<'_> {
         samples.split(Option::is_none).map(part).fold(OfPlace::default(), OfPlace::max)
     }
 
-    /// The account of samples that lie 0.1 s apart, from sample `from` on.
+    /// Returns the account of samples that lie 0.1 s apart, from sample `from` on.
     pub fn of_motion(&self, samples: &[Sample], from: usize, kind: AgentKind) -> OfPlace {
         let way: Vec<Vec2> = samples.iter().map(|sample| sample.position).collect();
         let (slow, rolls) = match kind {
@@ -60,12 +60,12 @@ impl Places<'_> {
         }
     }
 
-    /// Pieces of lanes whose surface holds a place.
+    /// Yields the pieces of lanes whose surface holds a place.
     fn under(&self, place: Vec2) -> impl Iterator<Item = &Piece> {
         self.lanes.touching(place).map(|(_, piece)| piece).filter(move |piece| piece.contains(place))
     }
 
-    /// A street or a footbridge may lead over a motorway, so every lane there has to be one.
+    /// Returns `true` if every lane there is a motorway, because a street or a footbridge may lead over one.
     fn is_motorway(&self, place: Vec2) -> bool {
         let mut kinds = self.under(place).map(|piece| piece.kind).peekable();
         kinds.peek().is_some() && kinds.all(|kind| kind == LaneKind::Freeway)
@@ -78,7 +78,7 @@ mod tests {
     use crate::scene::Road;
     use crate::sim::scenes::lane;
 
-    /// A motorway along y = 0, 4 m wide, with a kerb on either side; a street over it along x = 50 and one beside it.
+    /// Makes a motorway along y = 0, 4 m wide, with a kerb on either side; a street over it along x = 50 and one beside it.
     fn road() -> (Pieces, Edges) {
         let at = Vec2::new;
         let mut lanes = vec![

@@ -1,4 +1,4 @@
-//! What a rollout tells: events, distances and motion statistics. Metrics are computed from this alone.
+//! The outcome of a rollout: events, distances and motion statistics. Metrics are computed from this alone.
 
 use serde::{Deserialize, Serialize};
 
@@ -48,17 +48,17 @@ pub struct Outcome {
 /// The ego's first contact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
-    /// Whom the ego touched.
+    /// The road user that the ego touched.
     pub with: ActorRef,
-    /// Whether `with` is one of the intervention's adversaries.
+    /// True if `with` is one of the intervention's adversaries.
     pub adversary: bool,
-    /// Since the first simulated step, s.
+    /// Time since the first simulated step, s.
     pub time_s: f64,
     /// Norm of the difference of both velocities at the moment of contact, m/s.
     pub relative_speed_mps: f64,
     /// Direction of the other's motion relative to the ego's heading, (-π, π].
     pub impact_angle_rad: f64,
-    /// Who ran into whom.
+    /// The road user that ran into the other.
     pub striker: Striker,
     /// The side of the ego that was touched, seen from the ego.
     pub ego_side: Side,
@@ -66,21 +66,21 @@ pub struct Contact {
     pub other_side: Side,
     /// The manner of the collision.
     pub class: ContactClass,
-    /// How long before the contact the ego could see it coming, s; `None` if it never could, or was not asked for.
+    /// Time before the contact at which the ego could first see it coming, s; `None` if it never could, or was not asked for.
     pub visible_s: Option<f64>,
-    /// Whether braking or swerving would have avoided it ([`assess`](crate::sim::assess)); `None` where that was not asked
+    /// True if braking or swerving would have avoided it ([`assess`](crate::sim::assess)); `None` where that was not asked
     /// for: contacts with anyone but an adversary, and rollouts of searches.
     pub avoidable: Option<bool>,
-    /// Who is at fault by nuPlan's rule; only where `simulator.at_fault` asks for it, so that every other outcome stays as it was.
+    /// Fault by nuPlan's rule; only where `simulator.at_fault` asks for it, so that every other outcome stays as it was.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<Fault>,
-    /// Which drivers would have avoided it; only where `simulator.jury` asks for it, likewise.
+    /// Verdicts of drivers on avoiding it; only where `simulator.jury` asks for it, likewise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub jury: Option<Jury>,
 }
 
 impl Contact {
-    /// Whether a careful ego would have prevented it: by braking or swerving, and it is no ram from behind. `None` where that was not asked.
+    /// Returns `true` if a careful ego would have prevented it: by braking or swerving, and it is no ram from behind. `None` if not assessed.
     pub fn preventable(&self) -> Option<bool> {
         self.avoidable.map(|_| self.class.could_be_prevented(self.avoidable))
     }
@@ -107,43 +107,43 @@ pub struct Motion {
     pub distance_m: f64,
 }
 
-/// What realism is judged by, for one adversary, over the steps up to the end of the rollout.
+/// Data on one adversary that realism judges, over the steps up to the end of the rollout.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AdversaryReport {
-    /// Which road user of the rollout this is.
+    /// The road user of the rollout.
     pub actor: ActorRef,
-    /// What sort of road user it is.
+    /// The sort of road user.
     pub kind: AgentKind,
-    /// Whether its motion differs from what replay shows: it was somewhere else by more than [`ACTED_M`] at a step, or
+    /// True if its motion differs from what replay shows: it was somewhere else by more than [`ACTED_M`] at a step, or
     /// was there when its recording is not.
     pub acted: bool,
     /// Its motion from the first step of the intervention on.
     pub motion: Motion,
-    /// From the first step of the intervention on.
+    /// Feasibility of its motion from the first step of the intervention on.
     pub simulated: Feasibility,
     /// The same of its whole recording; `None` for inserted ones.
     pub recorded: Option<Feasibility>,
-    /// Whether it overlapped anyone at the first step of the intervention, where it had been moved.
+    /// True if it overlapped anyone at the first step of the intervention, where it had been moved.
     pub initial_overlap: bool,
-    /// Whether it touched anyone but the ego who moves, once it acted and before the rollout ended.
+    /// True if it touched a moving road user other than the ego, once it acted and before the rollout ended.
     pub struck_bystander: bool,
-    /// Whether it touched someone or something parked, likewise.
+    /// True if it touched someone or something parked, likewise.
     pub struck_parked: bool,
-    /// How far along its recorded way it was at the end, as a share of how far its recording was, 0..=1; `None` where
-    /// that is no way worth the name, and for inserted ones.
+    /// Distance along its recorded way at the end, as a share of its recording's distance, 0..=1; `None` where
+    /// the recorded way is too short to count, and for inserted ones.
     pub route_completion: Option<f64>,
     /// Largest distance from its own logged position at the same time, metres (`None` for inserted ones).
     pub log_deviation_m_max: Option<f64>,
-    /// What its kind does not do; only where `simulator.of_kind` asks for it, so that every other outcome stays as it was.
+    /// Motion that its kind does not do; only where `simulator.of_kind` asks for it, so that every other outcome stays as it was.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub of_kind: Option<WithRecording<OfKind>>,
-    /// Where its kind does not belong; only where `simulator.of_place` asks for it, likewise.
+    /// Places where its kind does not belong; only where `simulator.of_place` asks for it, likewise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub of_place: Option<WithRecording<OfPlace>>,
 }
 
 impl AdversaryReport {
-    /// The same with nothing known of its recording's faults.
+    /// Returns the same with nothing known of its recording's faults.
     pub fn without_recording(&self) -> AdversaryReport {
         AdversaryReport {
             recorded: None,
@@ -158,17 +158,17 @@ impl AdversaryReport {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WithRecording<T> {
-    /// From the first step of the intervention on.
+    /// Account from the first step of the intervention on.
     pub simulated: T,
-    /// Of its whole recording.
+    /// Account of its whole recording.
     pub recorded: Option<T>,
 }
 
-/// Nearer to its recording than this an adversary does what replay does, metres: places of recordings are no better.
+/// Distance from its recording up to which an adversary does what replay does, metres: places of recordings are no better.
 pub const ACTED_M: f64 = 0.25;
 
 impl Outcome {
-    /// Whether the intervention changed what some adversary did.
+    /// Returns `true` if the intervention changed what some adversary did.
     pub fn acted(&self) -> bool {
         self.adversaries.iter().any(|adversary| adversary.acted)
     }
@@ -188,14 +188,14 @@ pub struct Trace {
 /// The motion of one road user beside the ego.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ActorTrace {
-    /// Which road user this is.
+    /// The road user.
     pub actor: ActorRef,
     /// Length of its box, metres.
     pub length_m: f64,
     /// Width of its box, metres.
     pub width_m: f64,
-    /// Whether it is one of the intervention's adversaries.
+    /// True if it is one of the intervention's adversaries.
     pub adversary: bool,
-    /// As long as `Trace::ego`.
+    /// Samples, as many as in `Trace::ego`.
     pub samples: Vec<Option<Sample>>,
 }

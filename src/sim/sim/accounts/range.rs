@@ -1,4 +1,4 @@
-//! What the numbers of a rollout cannot be, whatever the scene: held up where records come from elsewhere.
+//! Bounds on the numbers of a rollout, whatever the scene: checked where records come from elsewhere.
 
 use super::end::End;
 use super::outcome::{Motion, Outcome};
@@ -7,25 +7,25 @@ use crate::scene::DT_S;
 use crate::sim::prepared::body::SUBSTEP_S;
 use crate::sim::rollouts::reported::ReportedRollout;
 
-/// Decision steps of an hour; no scene is as long.
+/// Number of decision steps in an hour; no scene is as long.
 const STEPS_MAX: usize = 36_000;
-/// Faster than anything on a road, m/s.
+/// Speed above anything on a road, m/s.
 const SPEED_MPS_MAX: f64 = 1000.0;
-/// Largest length, acceleration, jerk or time that a number may say, in its unit.
+/// Largest length, acceleration, jerk or time that a number may have, in its unit.
 const SIZE_MAX: f64 = 1e7;
 /// Half a turn in a physics step, rad/s: nothing turns faster between two samples.
 const YAW_RATE_RADPS_MAX: f64 = num::PI / SUBSTEP_S;
-/// How far a step may go beyond what the velocities at its ends explain, metres: of a car, and of a recording that is repeated. Recordings
+/// Largest part of a step that the velocities at its ends do not explain, metres: for a car, and for a repeated recording. Recordings
 /// have gaps; of 292 000 steps of MetaDrive's car the worst goes 0.013 m beyond.
 const JUMP_M_MAX: [f64; 2] = [0.5, 10.0];
-/// Faster than any car under test, m/s. MetaDrive's fastest start is 25 m/s.
+/// Speed above any car under test, m/s. MetaDrive's fastest start is 25 m/s.
 const CAR_MPS_MAX: f64 = 100.0;
 
-/// What was expected of a number, and what was found.
+/// The expected range of a number, and the number found.
 pub type OutOfRange = (String, String);
 
 impl Outcome {
-    /// The first number that no rollout has.
+    /// Returns the first number that no rollout has.
     pub fn out_of_range(&self) -> Option<OutOfRange> {
         let seconds = self.steps as f64 * DT_S;
         let within = |name: &str, x: f64, low: f64, high: f64| {
@@ -81,8 +81,8 @@ impl Motion {
 }
 
 impl ReportedRollout {
-    /// The first step in which the ego is further away than it can have driven, whatever the scene. `replays` says whether it repeats a
-    /// recording.
+    /// Returns the first step in which the ego is further away than it can have driven, whatever the scene. `replays` is true if it
+    /// repeats a recording.
     pub fn jump(&self, replays: bool) -> Option<OutOfRange> {
         let (jump_m, speed_mps) = if replays { (JUMP_M_MAX[1], SPEED_MPS_MAX) } else { (JUMP_M_MAX[0], CAR_MPS_MAX) };
         let steps = self.ego.windows(2).enumerate();

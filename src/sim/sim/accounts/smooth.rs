@@ -1,8 +1,8 @@
 //! Derivatives of sampled places by a Savitzky-Golay filter: the cubic that fits a window of samples best (least
 //! squares), read off at the window's centre.
 //!
-//! The window of 13 samples (1.2 s) passes what a driver does and holds back what a tracker adds: the response of the
-//! fitted place falls to 1/√2 at [`CUT_OFF_HZ`], without a shift in phase. What the filter takes away is not lost: it is
+//! The window of 13 samples (1.2 s) passes a driver's motion and holds back a tracker's errors: the response of the
+//! fitted place falls to 1/√2 at [`CUT_OFF_HZ`], without a shift in phase. The part that the filter removes is not lost: it is
 //! measured as roughness (`feasibility.rs`). Savitzky and Golay 1964; for the response Schafer, "What Is a
 //! Savitzky-Golay Filter?", 2011.
 

@@ -1,5 +1,5 @@
-//! The digest of a rollout's motion, streamed: it changes when one bit of one simulated pose changes. What is merely
-//! replayed enters once, through the plant's digest.
+//! The digest of a rollout's motion, streamed: it changes when one bit of one simulated pose changes. Replayed motion
+//! enters once, through the plant's digest.
 
 use crate::kernel::Digest;
 use crate::scene::Sample;

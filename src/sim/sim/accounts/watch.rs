@@ -31,7 +31,7 @@ impl Nearness {
         Nearness { distance_m: f64::INFINITY, ttc_s: f64::INFINITY }
     }
 
-    /// Takes one other road user into account; what circles already rule out is not computed.
+    /// Takes one other road user into account; values that circles already rule out are not computed.
     pub fn see(&mut self, ego: &EgoState, position: Vec2, axis: Vec2, velocity: Vec2, size: &Size) {
         let apart = (position - ego.sample.position).norm() - ego.size.radius_m - size.radius_m;
         let closing = (velocity - ego.sample.velocity).norm();
@@ -50,10 +50,10 @@ impl Nearness {
     }
 }
 
-/// A shorter recorded way counts as standing still: there is nothing to complete, metres.
+/// Length below which a recorded way counts as standing still: there is nothing to complete, metres.
 const ROUTE_M_MIN: f64 = 5.0;
 
-/// What is watched of one adversary.
+/// Observations of one adversary.
 #[derive(Clone, Debug)]
 pub(in crate::sim) struct Watched {
     actor: ActorRef,
@@ -66,7 +66,7 @@ pub(in crate::sim) struct Watched {
     meter: MotionMeter,
     last: Option<Sample>,
     steps: StepMeter,
-    /// One a decision step without a gap, and the first of them that the intervention moved.
+    /// Samples, one a decision step without a gap, and the first of them that the intervention moved.
     samples: Vec<Sample>,
     from_sample: Option<usize>,
     acted: bool,
@@ -141,7 +141,7 @@ impl Watched {
         self.last = Some(*now);
     }
 
-    /// Compares with its recording at simulated step `k`.
+    /// Compares it with its recording at simulated step `k`.
     pub fn compare_with_log(&mut self, plant: &Plant, now: Option<&Sample>, k: usize) {
         let Some(now) = now else { return };
         self.last_k = k;
@@ -165,8 +165,8 @@ impl Watched {
         encroach(&mut self.encroachment_steps, (ego, ego_size), (&self.footprints, &actor.size));
     }
 
-    /// Whether it overlaps anyone, the ego included, at the first step of the intervention. Where it does what it was
-    /// recorded to do, whoever is in its way was put there by others.
+    /// Notes if it overlaps anyone, the ego included, at the first step of the intervention. Where it follows its recording, others
+    /// were put in its way, so nothing is noted.
     pub fn check_start(&mut self, plant: &Plant, world: &Others, own: usize, k: usize, ego: &Mover<'_>) {
         if k != self.from_k || !self.acted || world.actors[own].now.is_none() {
             return;
@@ -175,7 +175,7 @@ impl Watched {
             || bystanders::touched(plant, world, k, own, 0).any();
     }
 
-    /// The road user that it touches in the k-th step up to a physics step, once it differs from its recording.
+    /// Notes which road user it touches in the k-th step up to a physics step, once it differs from its recording.
     pub fn check_way(&mut self, plant: &Plant, world: &Others, own: usize, k: usize, until: usize) {
         let all = self.touched.moving && self.touched.parked;
         if self.acted && !all && world.actors[own].now.is_some() {
@@ -229,7 +229,7 @@ impl Watched {
         }
     }
 
-    /// What was recorded just before the first simulated step, so that the first windows can be filled.
+    /// Returns the samples recorded just before the first simulated step, so that the first windows can be filled.
     fn history(&self, plant: &Plant) -> Vec<Sample> {
         let scene = plant.scene();
         let Some(track) = self.log.map(|track| &scene.tracks[track]) else { return Vec::new() };
@@ -243,7 +243,7 @@ impl Watched {
         before
     }
 
-    /// Arc length of its place along its recorded way over that of its recording, both at the last whole step.
+    /// Returns the share of its recorded way at its place, over that of its recording, both at the last whole step.
     fn route_completion(&self, plant: &Plant) -> Option<f64> {
         let (track, at) = (self.log?, self.samples.last()?);
         self.from_sample?;

@@ -1,7 +1,7 @@
-//! Whether a contact with an adversary could have been avoided: the same scene and intervention once more, up to the
+//! Finds out if a contact with an adversary could have been avoided: runs the same scene and intervention once more, up to the
 //! moment at which the threat was visible and the ego could have reacted, and from there with each evasive manoeuvre.
 //!
-//! The rollout's account is not kept here, so a look back costs less than a rollout. Families' searches do not ask.
+//! The rollout's account is not kept here, so a look back costs less than a rollout. Families' searches do not use it.
 
 use crate::scene::DT_S;
 use crate::sim::SimError;
@@ -19,7 +19,7 @@ use super::evasion::{Evasion, Manoeuvre};
 use super::jury::Watchers;
 use super::threat::{ThreatWatch, in_steps};
 
-/// Fills in since when the ego could see its contact with an adversary coming, and whether it could have avoided it.
+/// Fills in since when the ego could see its contact with an adversary coming, and if it could have avoided it.
 /// `outcome` must be the rollout of the same plant, intervention and driver. Other outcomes stay as they are.
 pub fn assess(
     plant: &Plant,
@@ -30,23 +30,23 @@ pub fn assess(
     assess_relived(&mut Driven::begun(plant, intervention, driver)?, outcome.contact.as_mut())
 }
 
-/// Swerves within a lane, metres aside.
+/// Sideways distances of swerves within a lane, metres.
 const LESSER_SWERVES_M: [f64; 3] = [0.5, 1.0, 2.0];
 
-/// How long before a contact the lateness of an evasion is looked for, s.
+/// Time before a contact in which late chances to evade are looked for, s.
 const LATENESS_MAX_S: f64 = 4.0;
 
-/// Whether the k-th step lies within the time before a contact in which the last chances to avoid it are looked for.
+/// Returns `true` if the k-th step lies within the time before a contact in which the last chances to avoid it are looked for.
 pub(super) fn is_late(contact: &Contact, k: usize) -> bool {
     contact.time_s - k as f64 * DT_S <= LATENESS_MAX_S
 }
 
-/// By how much the ego was too late to avoid its contact with an adversary: from the last moment at which an evasion begun there would
-/// have helped to the one at which it could begin, s. Negative where it had time left; `None` where no evasion of the last
+/// Returns how late the ego was to avoid its contact with an adversary: the time from the last moment at which an evasion would
+/// have helped to the moment at which it could begin, s. Negative where it had time left; `None` where no evasion of the last
 /// four seconds helps, and for other contacts. `outcome` must be the assessed rollout of the same plant, intervention and driver.
 ///
 /// # Errors
-/// What the rollout itself would refuse.
+/// The same as those of the rollout itself.
 pub fn lateness_s(
     plant: &Plant,
     intervention: &Intervention,
@@ -62,12 +62,12 @@ pub fn lateness_s(
     let until = last + in_steps(options.horizon_s);
     let in_time = states.iter().rev().find(|(k, state)| avoids(state, *k, until, options));
     let in_time = in_time.map(|(k, _)| *k as f64 * DT_S);
-    // Who never sees it coming cannot begin before the contact.
+    // An ego that never sees it coming cannot begin before the contact.
     let could_s = contact.visible_s.map_or(contact.time_s, |seen| contact.time_s - seen + options.reaction_s);
     Ok(in_time.map(|in_time| could_s.min(contact.time_s) - in_time))
 }
 
-/// [`assess`] of the contact alone.
+/// Does the same as [`assess`] for the contact alone.
 pub(in crate::sim) fn assess_contact(
     plant: &Plant,
     intervention: &Intervention,
@@ -78,21 +78,21 @@ pub(in crate::sim) fn assess_contact(
     assess_relived(&mut Driven { state, driver }, Some(contact))
 }
 
-/// A rollout that is lived through again, step by step.
+/// A rollout that is driven again, step by step.
 pub(in crate::sim) trait Relived<'a> {
     fn state(&self) -> &ClosedLoop<'a>;
 
     /// Begins the k-th step.
     fn wake(&mut self, k: usize);
 
-    /// The present state as one that goes on by our own rules.
+    /// Returns the present state as one that goes on by our own rules.
     fn fork(&self, k: usize) -> ClosedLoop<'a>;
 
-    /// Carries the k-th step out; `false` where the rollout ends in it.
+    /// Carries the k-th step out. Returns `false` if the rollout ends in it.
     fn advance(&mut self, k: usize) -> Result<bool, SimError>;
 }
 
-/// Lives a rollout through to its end, looking at the beginning of every step; gives the last step.
+/// Drives a rollout through to its end and calls a closure at the beginning of every step. Returns the last step.
 pub(super) fn relive<'a>(
     rollout: &mut dyn Relived<'a>,
     mut look: impl FnMut(&dyn Relived<'a>, usize),
@@ -116,7 +116,7 @@ pub(super) struct Driven<'a, 'd> {
 }
 
 impl<'a, 'd> Driven<'a, 'd> {
-    /// At its first state, the driver made ready.
+    /// Begins at the first state, with the driver made ready.
     pub fn begun(
         plant: &'a Plant,
         intervention: &'a Intervention,
@@ -155,7 +155,7 @@ impl<'a> Relived<'a> for Driven<'a, '_> {
     }
 }
 
-/// [`assess`] of a rollout that is lived through again from its first state.
+/// Does the same as [`assess`] for a rollout that is driven again from its first state.
 pub(in crate::sim) fn assess_relived<'a>(
     rollout: &mut dyn Relived<'a>,
     contact: Option<&mut Contact>,
@@ -171,19 +171,19 @@ pub(in crate::sim) fn assess_relived<'a>(
     Ok(())
 }
 
-/// Whether some manoeuvre begun in a state at step `from` helps.
+/// Returns `true` if some manoeuvre begun in a state at step `from` helps.
 fn avoids(fork: &ClosedLoop<'_>, from: usize, until: usize, options: &AvoidanceOptions) -> bool {
     Manoeuvre::ALL.into_iter().any(|manoeuvre| helps(fork, (from, until), manoeuvre, options))
 }
 
-/// Whether a manoeuvre begun in a state at the first step stays clear up to the second.
+/// Returns `true` if a manoeuvre begun in a state at the first step stays clear up to the second.
 pub(super) fn helps(
     fork: &ClosedLoop<'_>,
     (from, until): (usize, usize),
     manoeuvre: Manoeuvre,
     options: &AvoidanceOptions,
 ) -> bool {
-    // Only the far one where the manoeuvre goes straight on: there it makes no difference.
+    // A manoeuvre straight ahead needs the far swerve only: there the distance makes no difference.
     let lesser: &[f64] = if options.lesser_swerves && manoeuvre.side() != 0.0 { &LESSER_SWERVES_M } else { &[] };
     let mut swerves_m = std::iter::once(options.swerve_m).chain(lesser.iter().copied());
     swerves_m.any(|swerve_m| {
@@ -194,7 +194,7 @@ pub(super) fn helps(
     })
 }
 
-/// What was found of a contact by living through it again.
+/// Findings about a contact from driving the rollout again.
 struct LookBack<'a> {
     /// The decision step in which it happened.
     contact: usize,
@@ -228,8 +228,8 @@ fn look_back<'a>(
     Ok(look_back)
 }
 
-/// Whether who controls the ego from a state at step `from` on (acceleration, m/s², and steering, radians) touches nobody and keeps to the road up to step `until`. Someone
-/// recorded who runs into the slowing ego from behind cannot brake, because a recording does not react: it is taken out.
+/// Returns `true` if the ego under `control` (m/s², radians) touches nobody and keeps to the road from step `from` to `until`. A
+/// recorded road user who runs into the slowing ego from behind is taken out: a recording does not react, so it cannot brake.
 pub(super) fn stays_clear(
     fork: &ClosedLoop<'_>,
     from: usize,
@@ -267,7 +267,7 @@ pub(super) fn stays_clear(
     true
 }
 
-/// How far the ego's outermost corner lies beyond the lanes, metres.
+/// Returns how far the ego's outermost corner lies beyond the lanes, metres.
 fn beyond_road_m(state: &ClosedLoop<'_>) -> f64 {
     let ego = &state.ego;
     let shape = ego.size.at(crate::sim::prepared::body::Place { position: ego.sample.position, axis: ego.axis });

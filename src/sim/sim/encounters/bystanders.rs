@@ -1,5 +1,5 @@
-//! The road users other than the ego that an adversary touches on its way. A pair whose recorded boxes overlap already is no finding: boxes
-//! of recordings are drawn by hand or by a tracker, and a lorry overlaps its trailer.
+//! The road users other than the ego that an adversary touches on its way. A pair whose recorded boxes overlap already does not count:
+//! boxes of recordings are drawn by hand or by a tracker, and a lorry overlaps its trailer.
 
 use super::contact::{near_rows, touches, touches_row};
 use crate::scene::{AgentKind, TrackIx};
@@ -8,7 +8,7 @@ use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::intervention::ActorRef;
 use crate::sim::road_users::others::Others;
 
-/// Who never gets farther than this from where it was first seen is parked, metres.
+/// Farthest distance that a parked road user gets from the place where it was first seen, metres.
 pub const PARKED_M: f64 = 1.0;
 
 /// Kinds of bystanders that were touched.
@@ -29,7 +29,7 @@ impl Touched {
     }
 }
 
-/// What the road user at `own` in `world.actors` touches up to a physics step of the k-th step.
+/// Returns the kinds of road users that the one at `own` in `world.actors` touches up to a physics step of the k-th step.
 pub(in crate::sim) fn touched(plant: &Plant, world: &Others, k: usize, own: usize, until: usize) -> Touched {
     let actor = &world.actors[own];
     let mover = actor.mover();
@@ -52,7 +52,7 @@ pub(in crate::sim) fn touched(plant: &Plant, world: &Others, k: usize, own: usiz
     touched
 }
 
-/// Whether a track stands all through its recording.
+/// Returns `true` if a track stands all through its recording.
 pub(in crate::sim) fn is_parked(plant: &Plant, track: TrackIx) -> bool {
     let recorded = &plant.scene().tracks[track];
     let mut places = recorded.samples.iter().flatten().map(|sample| sample.position);
@@ -60,7 +60,7 @@ pub(in crate::sim) fn is_parked(plant: &Plant, track: TrackIx) -> bool {
     recorded.kind == AgentKind::Static || places.all(|place| place.distance(first) <= PARKED_M)
 }
 
-/// Whether the recordings of two road users overlap at some time; `false` for one that was not recorded.
+/// Returns `true` if the recordings of two road users overlap at some time; `false` for one that was not recorded.
 pub(in crate::sim) fn overlapped(plant: &Plant, who: ActorRef, other: TrackIx) -> bool {
     let ActorRef::Track(own) = who else { return false };
     let rows = &plant.rows;

@@ -1,4 +1,4 @@
-//! What kind of contact it was, from both motions: the manner of collision of the US crash records (FARS/CRSS
+//! The kind of a contact, from both motions: the manner of collision of the US crash records (FARS/CRSS
 //! `MAN_COLL`: front-to-rear, front-to-front, angle, sideswipe), told apart by role and by what came before, as the
 //! pre-crash scenarios of Najm, Smith and Yanagisawa (2007, DOT HS 810 767) do.
 
@@ -15,14 +15,14 @@ use crate::sim::road_users::others::Others;
 use super::hit::Hit;
 use super::touch::{Side, Striker};
 
-/// The ego's path is as wide as the ego and this much on either side, metres (the intrusion at which UN Regulation 157,
+/// The ego's path is wider than the ego by this much on either side, metres (the intrusion at which UN Regulation 157,
 /// 5.2.5.2, begins to count a cut-in).
 pub const PATH_CLEARANCE_M: f64 = 0.3;
-/// Who was this long in one place was standing, decision steps (1 s).
+/// Time in one place after which a road user counts as standing, decision steps (1 s).
 pub const STANDING_STEPS: usize = 10;
-/// Farther than this within [`STANDING_STEPS`] is no standing, metres.
+/// Distance within [`STANDING_STEPS`] beyond which a road user was not standing, metres.
 pub const STANDING_M: f64 = 0.5;
-/// Slower than this has no direction of motion, m/s.
+/// Speed below which there is no direction of motion, m/s.
 pub const MOVING_MPS: f64 = 0.5;
 /// Headings that differ by less than 45 degrees are one direction, by more than 135 degrees opposite ones.
 const DIAGONAL: f64 = core::f64::consts::FRAC_1_SQRT_2;
@@ -45,7 +45,7 @@ pub enum ContactClass {
     Crossing,
     /// Against each other, fronts first (front-to-front; opposite direction); also someone who reverses into the ego.
     HeadOn,
-    /// Flank to flank, moved by the other or by both (sideswipe; drifting, same or opposite direction).
+    /// Flank to flank, where the other or both moved sideways (sideswipe; drifting, same or opposite direction).
     Sideswipe,
     /// Someone who goes the ego's way runs into its rear (front-to-rear, the ego being the one in front).
     RearEndEgoStruck,
@@ -64,7 +64,7 @@ impl ContactClass {
         ContactClass::RearEndEgoStruck,
     ];
 
-    /// As in files and tables.
+    /// Returns the name in files and tables.
     pub fn name(self) -> &'static str {
         match self {
             ContactClass::EgoStrikes => "ego_strikes",
@@ -78,19 +78,19 @@ impl ContactClass {
         }
     }
 
-    /// Whether a careful ego would have prevented a contact of this class that was assessed so: asked of every class alike, and of a ram
-    /// from behind never, because whoever follows is to keep the distance.
+    /// Returns `true` if a careful ego would have prevented a contact of this class with this assessment. A ram from behind never
+    /// counts, because the road user behind must keep the distance; all other classes are treated alike.
     pub fn could_be_prevented(self, avoidable: Option<bool>) -> bool {
         avoidable == Some(true) && self != ContactClass::RearEndEgoStruck
     }
 }
 
-/// What the other did before the contact, and which way the road goes there.
+/// Behaviour of the other before the contact, and directions of the road there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::sim) struct Before {
-    /// Whether it was outside the ego's path, or not there, [`CUT_IN_STEPS`] ago.
+    /// True if it was outside the ego's path, or not there, [`CUT_IN_STEPS`] ago.
     pub entered: bool,
-    /// Whether it has been in one place for [`STANDING_STEPS`].
+    /// True if it has been in one place for [`STANDING_STEPS`].
     pub stood: bool,
     /// Unit direction of the ego's route beside the ego.
     pub ego_road: Vec2,
@@ -99,13 +99,13 @@ pub(in crate::sim) struct Before {
 }
 
 impl Before {
-    /// Of the one that was hit in the k-th step. `ego` is where the ego is along its route.
+    /// Describes the road user that was hit in the k-th step. `ego` is the ego's place along its route.
     pub fn of(plant: &Plant, world: &Others, k: usize, hit: &Hit, ego: &Along) -> Before {
         let past = |steps: usize| place_before(plant, world, k, hit.with, steps.min(k));
         Before::from_places(plant, &hit.size, ego, past(CUT_IN_STEPS), past(STANDING_STEPS), &hit.place)
     }
 
-    /// From its places [`CUT_IN_STEPS`] and [`STANDING_STEPS`] ago (or when the rollout began) and at the contact.
+    /// Describes it from its places [`CUT_IN_STEPS`] and [`STANDING_STEPS`] ago (or when the rollout began) and at the contact.
     pub fn from_places(
         plant: &Plant,
         size: &Size,
@@ -123,7 +123,7 @@ impl Before {
     }
 }
 
-/// Where someone was some steps before the k-th.
+/// Returns the place of a road user some steps before the k-th.
 fn place_before(plant: &Plant, world: &Others, k: usize, who: ActorRef, steps: usize) -> Option<Place> {
     match world.actors.iter().find(|actor| actor.who == who) {
         Some(actor) => actor.place_before(steps),
@@ -134,7 +134,7 @@ fn place_before(plant: &Plant, world: &Others, k: usize, who: ActorRef, steps: u
     }
 }
 
-/// Whether a box reaches into the strip that the ego drives along its route at its present offset.
+/// Returns `true` if a box reaches into the strip that the ego drives along its route at its present offset.
 fn is_in_path(plant: &Plant, ego_offset_m: f64, place: &Place, size: &Size) -> bool {
     let along = plant.route.project(place.position);
     let direction = plant.route.direction(along.segment);
@@ -149,13 +149,13 @@ pub(in crate::sim) struct Encounter<'a> {
     pub ego: &'a OrientedBox,
     pub other: &'a OrientedBox,
     pub other_velocity: Vec2,
-    /// Of the ego.
+    /// The side of the ego that was touched.
     pub side: Side,
     pub striker: Striker,
     pub before: &'a Before,
 }
 
-/// The class of a contact. What has been standing was run into, whatever the angle; then directions decide, then the
+/// Returns the class of a contact. A road user that was standing was run into, whatever the angle; then directions decide, then the
 /// ego's side.
 pub(super) fn classify(it: &Encounter<'_>) -> ContactClass {
     let speed = it.other_velocity.norm();

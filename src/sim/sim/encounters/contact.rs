@@ -1,4 +1,4 @@
-//! Who touches whom first: a sweep over the physics steps of one decision step, bounding circles before boxes.
+//! First contact between road users: a sweep over the physics steps of one decision step, bounding circles before boxes.
 
 use crate::kernel::{OrientedBox, Vec2, num};
 use crate::scene::Sample;
@@ -12,10 +12,10 @@ use super::class::{Before, Encounter, classify};
 use super::hit::{Hit, Mover};
 use super::touch::{Side, Striker, contact_normal};
 
-/// Slower approach than this is no strike, m/s.
+/// Speed of approach below which a road user does not strike, m/s.
 const STRIKE_MPS: f64 = 0.5;
 
-/// First physics step of the k-th step up to `until` at which `mover` touches the road user of a row.
+/// Returns the first physics step of the k-th step up to `until` at which `mover` touches the road user of a row.
 pub(super) fn touches_row(mover: &Mover<'_>, plant: &Plant, k: usize, row: usize, until: usize) -> Option<usize> {
     let rows = &plant.rows;
     let size = &plant.sizes[rows.track[row] as usize];
@@ -23,7 +23,7 @@ pub(super) fn touches_row(mover: &Mover<'_>, plant: &Plant, k: usize, row: usize
     (0..=until).find(|&j| meets(mover, j, size, &first.towards(&last, j as f64 / SUBSTEPS as f64)))
 }
 
-/// First physics step up to `until` at which two movers touch.
+/// Returns the first physics step up to `until` at which two movers touch.
 pub(in crate::sim) fn touches(a: &Mover<'_>, b: &Mover<'_>, until: usize) -> Option<usize> {
     let reach = a.reach_m + b.reach_m;
     if (a.path[0].position - b.path[0].position).norm_squared() > reach * reach {
@@ -38,7 +38,7 @@ fn meets(mover: &Mover<'_>, j: usize, size: &Size, place: &Place) -> bool {
         && mover.size.at(mover.path[j]).overlaps(&size.at(*place))
 }
 
-/// Rows of the k-th step that `mover` may touch during it, simulated tracks passed over.
+/// Calls `f` with the rows of the k-th step that `mover` may touch during it, simulated tracks left out.
 pub(super) fn near_rows(plant: &Plant, world: &Others, k: usize, mover: &Mover<'_>, mut f: impl FnMut(usize)) {
     let rows = &plant.rows;
     let center = mover.path[0].position;
@@ -51,7 +51,7 @@ pub(super) fn near_rows(plant: &Plant, world: &Others, k: usize, mover: &Mover<'
     }
 }
 
-/// The ego's first contact in the k-th step; at one physics step the lowest track first, then simulated road users.
+/// Returns the ego's first contact in the k-th step; at the same physics step the lowest track first, then simulated road users.
 pub(in crate::sim) fn first_contact(
     plant: &Plant,
     world: &Others,
@@ -107,12 +107,12 @@ pub(in crate::sim) fn first_contact(
     best
 }
 
-/// Whether a contact comes before the best so far: at an earlier physics step, or with a lower track at the same.
+/// Returns `true` if a contact comes before the best so far: at an earlier physics step, or with a lower track at the same.
 fn earlier(best: Option<&Hit>, substep: usize, track: usize) -> bool {
     best.is_none_or(|b| (substep, ActorRef::Track(track)) < (b.substep, b.with))
 }
 
-/// Whether an overlap is one that was there when the other appeared: not a contact until they were once apart.
+/// Returns `true` if an overlap was there when the other appeared: it is no contact until the two have once been apart.
 fn spared(ghost: &mut bool, substep: usize, spare_overlaps: bool, appears: impl Fn() -> bool) -> bool {
     if substep > 0 {
         *ghost = false;
@@ -124,7 +124,7 @@ fn spared(ghost: &mut bool, substep: usize, spare_overlaps: bool, appears: impl 
     *ghost
 }
 
-/// Place and sample of a recorded road user after a physics step of the k-th step, which begins at a row.
+/// Returns place and sample of a recorded road user after a physics step of the k-th step, which begins at a row.
 pub(in crate::sim) fn row_during(plant: &Plant, k: usize, row: usize, substep: usize) -> (Place, Sample) {
     let rows = &plant.rows;
     let place = rows.place(row).towards(&rows.next_place(k, row), substep as f64 / SUBSTEPS as f64);
@@ -132,12 +132,12 @@ pub(in crate::sim) fn row_during(plant: &Plant, k: usize, row: usize, substep: u
     (place, sample_during(rows.sample(k, row), next, &place, substep))
 }
 
-/// What a contact was like. `k` counts from the first simulated step; `ego_velocity` is the ego's at the contact.
+/// Describes a contact. `k` counts from the first simulated step; `ego_velocity` is the ego's at the contact.
 pub(in crate::sim) fn describe(hit: &Hit, k: usize, ego: &OrientedBox, ego_velocity: Vec2, before: &Before) -> Contact {
     let other = hit.size.at(hit.place);
     let normal = contact_normal(ego, &other, hit.velocity - ego_velocity);
     let (ego_side, other_side) = (Side::facing(ego.axis, normal), Side::facing(other.axis, -normal));
-    // A flank that is dragged along the other has no speed across itself: flank to flank, who leaves the road's direction
+    // A flank that is dragged along the other has no speed across itself. Flank to flank, the one that leaves the road's direction
     // towards the other strikes.
     let (ego_approach, other_approach) = match (ego_side, other_side) {
         (Side::Left | Side::Right, Side::Left | Side::Right) => {
@@ -174,8 +174,8 @@ fn striker(ego_approach_mps: f64, other_approach_mps: f64) -> Striker {
     }
 }
 
-/// Which side of the ego touches another box, and who strikes whom, from boxes that overlap and their velocities alone; what
-/// the road says about flanks is left out.
+/// Returns which side of the ego touches another box, and who strikes whom, from overlapping boxes and their velocities alone. The
+/// road's direction, which decides between flanks, is left out.
 pub fn meeting(ego: &OrientedBox, ego_velocity: Vec2, other: &OrientedBox, other_velocity: Vec2) -> (Side, Striker) {
     let normal = contact_normal(ego, other, other_velocity - ego_velocity);
     (Side::facing(ego.axis, normal), striker(ego_velocity.dot(normal), -other_velocity.dot(normal)))

@@ -1,4 +1,4 @@
-//! What the ego could have done: full braking, and swerves by pure pursuit of its route shifted aside, with and without
+//! The ego's ways to evade: full braking, and swerves by pure pursuit of its route shifted aside, with and without
 //! braking.
 
 use serde::{Deserialize, Serialize};
@@ -31,11 +31,11 @@ pub enum Manoeuvre {
 }
 
 impl Manoeuvre {
-    /// In the order in which they are tried: braking is what most contacts need.
+    /// All manoeuvres in the order in which they are tried: most contacts need braking.
     pub const ALL: [Manoeuvre; 5] =
         [Manoeuvre::Brake, Manoeuvre::BrakeLeft, Manoeuvre::BrakeRight, Manoeuvre::SwerveLeft, Manoeuvre::SwerveRight];
 
-    /// As people say it.
+    /// Returns the manoeuvre in words.
     pub fn in_words(self) -> &'static str {
         match self {
             Manoeuvre::Brake => "braking",
@@ -46,7 +46,7 @@ impl Manoeuvre {
         }
     }
 
-    /// 1 to the left, -1 to the right, 0 straight on.
+    /// Returns 1 to the left, -1 to the right, 0 straight on.
     pub(super) fn side(self) -> f64 {
         match self {
             Manoeuvre::Brake => 0.0,
@@ -64,14 +64,14 @@ impl Manoeuvre {
 pub(in crate::sim) struct Evasion<'a> {
     options: &'a AvoidanceOptions,
     brake_mps2: f64,
-    /// Deceleration when it began, m/s²: what was already braked with is not let go.
+    /// Deceleration when it began, m/s²: the ego does not brake less than that.
     braked_mps2: f64,
-    /// Where it leads beside the route, metres.
+    /// Offset beside the route that it leads to, metres.
     offset_m: f64,
 }
 
 impl<'a> Evasion<'a> {
-    /// `swerve_m`: how far a swerve goes aside.
+    /// Begins a manoeuvre. `swerve_m` is how far a swerve goes aside.
     pub fn new(manoeuvre: Manoeuvre, swerve_m: f64, ego: &EgoState, options: &'a AvoidanceOptions) -> Evasion<'a> {
         let swerve_mps2 = if manoeuvre.side() == 0.0 { 0.0 } else { options.swerve_mps2 };
         let left_for_brakes = options.brake_mps2 * options.brake_mps2 - swerve_mps2 * swerve_mps2;
@@ -82,7 +82,7 @@ impl<'a> Evasion<'a> {
         Evasion { options, brake_mps2, braked_mps2: (-ego.acceleration_mps2).clamp(0.0, brake_mps2), offset_m }
     }
 
-    /// Acceleration (m/s²) and steering (radians) some decision steps after it began.
+    /// Returns acceleration (m/s²) and steering (radians) some decision steps after it began.
     pub fn control(&self, route: &Path, ego: &EgoState, car: &Car, steps: usize) -> (f64, f64) {
         let risen = if self.options.brake_rise_s > 0.0 {
             ((steps + 1) as f64 * DT_S / self.options.brake_rise_s).min(1.0)

@@ -1,5 +1,5 @@
-//! Who is at fault for a contact, by nuPlan's rule (`no_ego_at_fault_collisions.py`, `collision_utils.py` of motional/nuplan-devkit): how
-//! it came about, the first that holds of a list, and for one of these whether the ego was in one lane.
+//! Fault for a contact by nuPlan's rule (`no_ego_at_fault_collisions.py`, `collision_utils.py` of motional/nuplan-devkit): how
+//! it came about, by the first item of a list that holds, and for one item if the ego was in one lane.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,11 +8,11 @@ use crate::scene::{AgentKind, LaneIx};
 use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::bicycle::REAR_SHARE;
 
-/// An ego no faster than this stands, m/s.
+/// Speed up to which the ego counts as standing, m/s.
 pub const EGO_STANDS_MPS: f64 = 0.05;
-/// Another road user no faster than this stands, m/s.
+/// Speed up to which another road user counts as standing, m/s.
 pub const OTHER_STANDS_MPS: f64 = 0.005;
-/// Who is seen from the rear axle at more than this from the ego's heading is behind, radians.
+/// Angle from the ego's heading, seen from the rear axle, beyond which a road user is behind, radians.
 pub const BEHIND_RAD: f64 = 150.0 * num::PI / 180.0;
 
 /// How a contact comes about: nuPlan's collision types, of which the first that holds is taken.
@@ -31,7 +31,7 @@ pub enum ContactKind {
 }
 
 impl ContactKind {
-    /// Of boxes that touch; `axle` is the ego's rear axle, `other_stands` whether the other one stands or is no road user.
+    /// Returns the type for boxes that touch. `axle` is the ego's rear axle; `other_stands` is true if the other stands or is no road user.
     pub fn of(
         ego: &OrientedBox,
         axle: Vec2,
@@ -52,13 +52,13 @@ impl ContactKind {
     }
 }
 
-/// Angle between the ego's heading and the way from its rear axle to somebody's centre, radians.
+/// Returns the angle between the ego's heading and the way from its rear axle to somebody's centre, radians.
 pub fn seen_at_rad(ego: &OrientedBox, axle: Vec2, other: &OrientedBox) -> f64 {
     let to = other.center - axle;
     num::atan2(ego.axis.cross(to), ego.axis.dot(to)).abs()
 }
 
-/// The clause of nuPlan's rule that decides of a contact.
+/// The clause of nuPlan's rule that decides about a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fault {
@@ -87,7 +87,7 @@ impl Fault {
         Fault::ActiveLateralAcross,
     ];
 
-    /// As in files.
+    /// Returns the name in files.
     pub fn name(self) -> &'static str {
         match self {
             Fault::StoppedEgo => "stopped_ego",
@@ -99,17 +99,17 @@ impl Fault {
         }
     }
 
-    /// The clause of a name.
+    /// Returns the clause of this name.
     pub fn named(name: &str) -> Option<Fault> {
         Fault::ALL.into_iter().find(|fault| fault.name() == name)
     }
 
-    /// Whether the ego is at fault.
+    /// Returns `true` if the ego is at fault.
     pub fn is_egos(self) -> bool {
         matches!(self, Fault::StoppedTrack | Fault::ActiveFront | Fault::ActiveLateralAcross)
     }
 
-    /// The clause in words.
+    /// Returns the clause in words.
     pub fn in_words(self) -> &'static str {
         match self {
             Fault::StoppedEgo => "the ego stands: not at fault",
@@ -123,7 +123,7 @@ impl Fault {
         }
     }
 
-    /// Of boxes that touch, with the velocities of both.
+    /// Returns the clause for boxes that touch, with the velocities of both.
     pub(in crate::sim) fn of(
         plant: &Plant,
         (ego, ego_velocity): (&OrientedBox, Vec2),
@@ -142,8 +142,8 @@ impl Fault {
     }
 }
 
-/// nuPlan's lane keeping: all four corners share a lane, or those behind share one that leads to, or comes from, one that those ahead
-/// share. A corner beside all lanes breaks it. On a map without lanes nobody leaves one.
+/// Implements nuPlan's lane keeping: all four corners share a lane, or the rear ones share a lane that leads to, or comes from, one that
+/// the front ones share. A corner beside all lanes breaks it. On a map without lanes nobody leaves one.
 fn is_in_one_lane(plant: &Plant, ego: &OrientedBox) -> bool {
     let lanes = plant.lanes();
     if lanes.lane_count() == 0 {
@@ -247,7 +247,7 @@ mod tests {
             (faster, 0.0, Fault::ActiveRear),
             (beside, 0.01, Fault::ActiveLateralAcross),
         ] {
-            // As it was recorded, whoever is in its way.
+            // Drives as it was recorded, even if someone is in its way.
             let samples = track.samples.iter().flatten().copied().collect();
             let act = Intervention { actions: vec![Action::Follow { track: 0, from_step: 0, samples }] };
             let scene = lanes(vec![track]);

@@ -1,4 +1,4 @@
-//! Someone through one decision step, and whom the ego met in it.
+//! A road user during one decision step, and the ego's first contact in it.
 
 use crate::kernel::Vec2;
 use crate::sim::prepared::body::{Place, SUBSTEPS, Size};
@@ -7,12 +7,12 @@ use crate::sim::road_users::intervention::ActorRef;
 /// The places of a road user through one decision step, the first at its beginning.
 pub(in crate::sim) type Swept = [Place; SUBSTEPS + 1];
 
-/// Someone through one decision step.
+/// A road user during one decision step.
 #[derive(Clone, Copy)]
 pub(in crate::sim) struct Mover<'a> {
     pub size: &'a Size,
     pub path: &'a Swept,
-    /// Radius of the box plus the way it takes.
+    /// Radius of the box plus the length of its way, metres.
     pub reach_m: f64,
 }
 
@@ -22,7 +22,7 @@ pub(in crate::sim) struct Hit {
     pub substep: usize,
     pub with: ActorRef,
     pub adversary: bool,
-    /// Whether it follows its recording.
+    /// True if it follows its recording.
     pub replayed: bool,
     pub size: Size,
     pub place: Place,

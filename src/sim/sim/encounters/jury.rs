@@ -1,5 +1,5 @@
-//! Who of several drivers would have avoided a contact: the careful driver of [`Contact::avoidable`], and the reference drivers of UN
-//! Regulation 157 where they are defined. These keep their lane and only brake, for who cuts in, stands or drives ahead.
+//! Verdicts of several drivers about avoiding a contact: the careful driver of [`Contact::avoidable`], and the reference drivers of UN
+//! Regulation 157 where they are defined. These keep their lane and only brake, for others that cut in, stand or drive ahead.
 
 use crate::scene::DT_S;
 use crate::sim::SimError;
@@ -17,7 +17,7 @@ use super::verdict::Jury;
 
 /// g, m/s².
 const GRAVITY_MPS2: f64 = 9.81;
-/// The lane of a place is not looked for farther away, metres.
+/// Largest distance at which the lane of a place is looked for, metres.
 const LANE_WITHIN_M: f64 = 3.0;
 
 /// A driver of the regulation.
@@ -31,14 +31,14 @@ enum Juror {
     Fuzzy,
 }
 
-/// Human driver, table 1: a lane changer is perceived so far beside its lane's centre, metres, where the time to collision is at most
-/// this, s; then 0.4 s to evaluate and 0.75 s to begin to brake. A leader's braking is perceived from so many m/s² on, and evaluated already.
+/// Human driver, table 1: a lane changer is perceived at this offset from its lane's centre, metres, where the time to collision is at
+/// most this, s; then 0.4 s to evaluate and 0.75 s to begin to brake. A leader's braking above this, m/s², is perceived and evaluated already.
 const PERCEIVED_M: f64 = 0.375;
 const PERCEIVED_TTC_S: f64 = 2.0;
 const EVALUATES_S: f64 = 0.4;
 const BEGINS_S: f64 = 0.75;
 const PERCEIVED_MPS2: f64 = 5.0;
-/// It brakes with 0.774 g after 0.6 s, and 0.6 s after the other is wholly in its path the car does with 0.85 g.
+/// It reaches 0.774 g after 0.6 s; 0.6 s after the other is wholly in its path the car brakes with 0.85 g.
 const HUMAN: Braking = Braking { delay_s: EVALUATES_S + BEGINS_S, rise_s: 0.6, brake_mps2: 0.774 * GRAVITY_MPS2 };
 const EMERGENCY: Braking = Braking { delay_s: 0.0, rise_s: 0.6, brake_mps2: 0.85 * GRAVITY_MPS2 };
 const REG157: Braking = Braking { delay_s: 0.35, rise_s: 0.0, brake_mps2: 6.0 };
@@ -50,7 +50,7 @@ const MOST_MPS2: f64 = 6.0;
 const OTHERS_MOST_MPS2: f64 = 7.0;
 const STANDSTILL_M: f64 = 2.0;
 const JERK_MPS3: f64 = 12.65;
-/// What its lateral check adds to the time in which both pass, s.
+/// Margin of its lateral check on the time in which both pass, s.
 const PASSES_S: f64 = 0.1;
 
 /// Braking that begins after a delay and rises evenly.
@@ -62,7 +62,7 @@ struct Braking {
 }
 
 impl Braking {
-    /// Speed lost up to a time, m/s.
+    /// Returns the speed lost up to a time, m/s.
     fn lost_mps(&self, seconds: f64) -> f64 {
         let since_s = (seconds - self.delay_s).max(0.0);
         if since_s < self.rise_s {
@@ -71,7 +71,7 @@ impl Braking {
         self.brake_mps2 * (since_s - 0.5 * self.rise_s)
     }
 
-    /// Mean deceleration over a step that begins so many steps after the beginning, m/s².
+    /// Returns the mean deceleration over a step that begins so many steps after the beginning, m/s².
     fn at(&self, steps: usize) -> f64 {
         let from_s = steps as f64 * DT_S;
         (self.lost_mps(from_s + DT_S) - self.lost_mps(from_s)) / DT_S
@@ -81,7 +81,7 @@ impl Braking {
 /// The other one as a driver who keeps its lane sees it, in the frame of the ego's route.
 #[derive(Clone, Copy, Debug)]
 struct Ahead {
-    /// From the ego's bumper to its near end, metres.
+    /// Gap from the ego's bumper to its near end, metres.
     gap_m: f64,
     /// Between the flanks, metres; below 0 where one is behind the other.
     clearance_m: f64,
@@ -90,16 +90,16 @@ struct Ahead {
     own_mps: f64,
     own_mps2: f64,
     other_mps: f64,
-    /// Of its centre from the centre of its lane, metres.
+    /// Offset of its centre from the centre of its lane, metres.
     off_lane_m: f64,
-    /// Lengths of both, metres.
+    /// Sum of both lengths, metres.
     lengths_m: f64,
-    /// Whether all of it is in the ego's path.
+    /// True if all of it is in the ego's path.
     is_wholly_in: bool,
 }
 
 impl Ahead {
-    /// `None` where it is gone, or no longer ahead.
+    /// Returns the other's state; `None` where it is gone, or no longer ahead.
     fn of(state: &ClosedLoop<'_>, actor: usize) -> Option<Ahead> {
         let (actor, ego, plant) = (&state.world.actors[actor], &state.ego, &*state.plant);
         let now = actor.now.as_ref()?;
@@ -129,7 +129,7 @@ impl Ahead {
         })
     }
 
-    /// Whether it reaches into the ego's path.
+    /// Returns `true` if it reaches into the ego's path.
     fn intrudes(&self) -> bool {
         self.clearance_m < PATH_CLEARANCE_M
     }
@@ -139,7 +139,7 @@ impl Ahead {
         if closing_mps > 0.0 { self.gap_m.max(0.0) / closing_mps } else { f64::INFINITY }
     }
 
-    /// The deceleration of the fuzzy safety model, m/s².
+    /// Returns the deceleration of the fuzzy safety model, m/s².
     fn fuzzy_mps2(&self) -> f64 {
         let (u, c, gap_m) = (self.own_mps, self.other_mps.max(0.0), self.gap_m);
         if self.clearance_m > 0.0 {
@@ -183,7 +183,7 @@ struct Watcher<'a> {
 }
 
 impl<'a> Watcher<'a> {
-    /// Those that are defined for a class of contact.
+    /// Returns the drivers that are defined for a class of contact.
     fn all(class: ContactClass) -> Vec<Watcher<'a>> {
         let of = |juror, braking| Watcher { juror, braking, begins: None };
         let follows = Braking { delay_s: BEGINS_S, ..HUMAN };
@@ -197,7 +197,7 @@ impl<'a> Watcher<'a> {
         }
     }
 
-    /// Whether there is a reason to act.
+    /// Returns `true` if there is a reason to act.
     fn is_alarmed(&self, class: ContactClass, ahead: &Ahead, other_mps2: f64) -> bool {
         match (self.juror, class) {
             (Juror::Reg157, _) => ahead.intrudes(),
@@ -214,10 +214,10 @@ impl<'a> Watcher<'a> {
         }
     }
 
-    /// Whether it would have stayed clear; `None` of one that the regulation does not define here.
+    /// Returns `true` if this driver would have stayed clear; `None` for one that the regulation does not define here.
     fn avoids(&self, class: ContactClass, (actor, until): (usize, usize)) -> Option<bool> {
         let Some((from, fork)) = &self.begins else {
-            // A leader's weaker braking is undefined; who sees no reason else meets the other.
+            // A leader's weaker braking is undefined. Any other driver that sees no reason to act meets the other.
             return (self.juror != Juror::HumanDriver || class != ContactClass::EgoStrikes).then_some(false);
         };
         let options = &{ fork.plant.options().avoidance };
@@ -232,7 +232,7 @@ impl<'a> Watcher<'a> {
                 braked_mps2 += (wanted_mps2 - braked_mps2).clamp(-JERK_MPS3 * DT_S, JERK_MPS3 * DT_S);
                 return (-braked_mps2, steering_rad);
             }
-            // The regulation has the emergency brake for who cuts in.
+            // The regulation has the emergency brake for cut-ins only.
             let has_emergency = self.juror == Juror::HumanDriver && class == ContactClass::CutIn;
             if has_emergency && ahead.is_some_and(|ahead| ahead.is_wholly_in) {
                 wholly_in = wholly_in.or(Some(k));
@@ -243,23 +243,23 @@ impl<'a> Watcher<'a> {
     }
 }
 
-/// The drivers of the regulation while a rollout is lived through again.
+/// The drivers of the regulation while a rollout is driven again.
 pub(super) struct Watchers<'a> {
     class: ContactClass,
-    /// Place of the adversary in `world.actors`.
+    /// Index of the adversary in `world.actors`.
     actor: usize,
     before_mps: Option<f64>,
     all: Vec<Watcher<'a>>,
 }
 
 impl<'a> Watchers<'a> {
-    /// Of a contact with an adversary in a rollout's first state.
+    /// Returns the drivers for a contact with an adversary, at a rollout's first state.
     pub fn of(contact: &Contact, state: &ClosedLoop<'_>) -> Watchers<'a> {
         let actor = state.world.actors.iter().position(|actor| actor.who == contact.with).unwrap_or(0);
         Watchers { class: contact.class, actor, before_mps: None, all: Watcher::all(contact.class) }
     }
 
-    /// Looks at the beginning of the k-th step. Asked once a step, in order.
+    /// Looks at the beginning of the k-th step. Called once a step, in order.
     pub fn look(&mut self, rollout: &dyn Relived<'a>, k: usize) {
         let ahead = Ahead::of(rollout.state(), self.actor);
         let other_mps2 = match (ahead, self.before_mps) {
@@ -276,7 +276,7 @@ impl<'a> Watchers<'a> {
         }
     }
 
-    /// What they and the careful driver say; evading must stay clear up to a step.
+    /// Returns the verdicts of these and of the careful driver; evading must stay clear up to a step.
     pub fn jury(&self, careful: Option<bool>, until: usize) -> Jury {
         let mut jury = Jury { careful, ..Jury::default() };
         for watcher in &self.all {
@@ -291,11 +291,11 @@ impl<'a> Watchers<'a> {
     }
 }
 
-/// What the jury says of a contact with an adversary that was assessed; `None` of any other. `outcome` must be the assessed rollout of the
+/// Returns the jury's verdict on an assessed contact with an adversary; `None` for any other. `outcome` must be the assessed rollout of the
 /// same plant, intervention and driver.
 ///
 /// # Errors
-/// What the rollout itself would refuse.
+/// The same as those of the rollout itself.
 pub fn jury(
     plant: &Plant,
     intervention: &Intervention,
@@ -336,7 +336,7 @@ mod tests {
 
     const STEPS: usize = 121;
 
-    /// What is said of an adversary that moves like this before an ego at 15 m/s, whose bumper begins at 2.25 m.
+    /// Returns the verdict on an adversary that moves like this before an ego at 15 m/s, whose bumper begins at 2.25 m.
     fn said(samples: Vec<Sample>) -> Jury {
         let tracks = vec![car("other", samples.iter().copied().map(Some).collect())];
         let mut scene = straight_road(STEPS, 15.0, tracks);
@@ -346,7 +346,7 @@ mod tests {
         let outcome = rollout_assessed(&plant, &act, &mut Steady).unwrap();
         assert!(outcome.contact.is_some_and(|contact| contact.adversary), "{outcome:?}");
         let said = jury(&plant, &act, &mut Steady, &outcome).unwrap().unwrap();
-        // A label that is asked for it holds the same.
+        // A label that asks for the jury holds the same.
         let asking = SimulatorOptions { jury: true, ..SimulatorOptions::SHIPPED };
         let prepared = PreparedScene::new(Arc::new(scene));
         let asked = Plant::with_options(prepared, &asking).unwrap();
@@ -356,8 +356,8 @@ mod tests {
         said
     }
 
-    /// At a speed in the lane to the left, and from there into the ego's at another, m/s: it intrudes, 0.3 m before the ego's flank, when
-    /// the gap is this, metres.
+    /// An adversary drives at a speed in the lane to the left, and from there into the ego's at another, m/s. It intrudes, 0.3 m before the
+    /// ego's flank, when the gap is this, metres.
     fn cuts_in(gap_m: f64, speed_mps: f64, aside_mps: f64) -> Jury {
         let begins = 20;
         // From y = 4 down to 2.2: 0.95 m of each and 0.3 m between.
@@ -432,7 +432,7 @@ mod tests {
         // As fast: proactive alone, 1 below 2 + 15 + 400 / 12 - 400 / 14 = 21.76 m, 0 from 2 + 15 + 50 - 28.57 + 2 = 40.43 m on.
         let found = [20.0, 45.0].map(|gap_m| ahead(gap_m, 20.0).fuzzy_mps2());
         assert_eq!(found, [4.0, 0.0]);
-        // Beside, who comes nearer too slowly to meet the ego is passed.
+        // One beside the ego that comes nearer too slowly to meet it is passed.
         let beside = Ahead { clearance_m: 3.0, approach_mps: 0.1, ..ahead(10.0, 0.0) };
         assert_eq!(beside.fuzzy_mps2(), 0.0);
     }

@@ -1,4 +1,4 @@
-//! Who meets whom, in what manner, and whether the ego could have avoided it.
+//! Contacts between road users: their manner, and if the ego could have avoided them.
 
 pub(super) mod avoidance;
 pub(super) mod bystanders;

@@ -1,4 +1,4 @@
-//! How far an ego's rays run: what a lidar and a detector of the road's edge would tell it.
+//! Lengths of an ego's rays: the readings of a lidar and of a detector of the road's edge.
 
 use crate::kernel::{OrientedBox, Vec2};
 use crate::sim::prepared::body::Place;
@@ -6,9 +6,9 @@ use crate::sim::prepared::drivable::Drivable;
 use crate::sim::prepared::ray::Ray;
 use crate::sim::road_users::driver::View;
 
-/// The road's edge is looked for at places this far apart along a ray, metres: a narrower gap may be missed.
+/// Distance between the places along a ray at which the road's edge is looked for, metres: a narrower gap may be missed.
 const EDGE_STEP_M: f64 = 1.0;
-/// Halvings of that step once the edge is passed: 1/16 m.
+/// Halvings of that step once the ray has passed the edge: 1/16 m.
 const EDGE_HALVINGS: u32 = 4;
 
 impl View<'_> {
@@ -43,13 +43,13 @@ impl View<'_> {
     }
 }
 
-/// Where the drivable surface ends on a ray from a place on it; `hint` is a piece near that place.
+/// Returns the distance to the end of the drivable surface on a ray from a place on it; `hint` is a piece near that place.
 fn edge_m_from(drivable: &Drivable, from: Vec2, direction: Vec2, reach_m: f64, hint: u32) -> f64 {
     let mut ray = Ray::new(drivable, from, direction, hint);
     edge_by_places_m(|at_m| ray.holds(at_m), reach_m)
 }
 
-/// Where a ray that begins on the surface leaves it, by what `holds` says of places on it, metres from its start.
+/// Returns the distance at which a ray that begins on the surface leaves it, metres. `holds` tells if a place is on it.
 fn edge_by_places_m(mut holds: impl FnMut(f64) -> bool, reach_m: f64) -> f64 {
     let mut inside_m = 0.0;
     while inside_m < reach_m {
@@ -67,7 +67,7 @@ fn edge_by_places_m(mut holds: impl FnMut(f64) -> bool, reach_m: f64) -> f64 {
     reach_m
 }
 
-/// Where a ray enters a box, metres from its start; 0 from inside, `None` where it misses.
+/// Returns the distance at which a ray enters a box, metres from its start; 0 from inside, `None` where it misses.
 fn ray_m(from: Vec2, direction: Vec2, body: &OrientedBox) -> Option<f64> {
     let delta = from - body.center;
     let slabs = [

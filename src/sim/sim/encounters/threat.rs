@@ -8,8 +8,8 @@
 //! - its box reaches into the ego's envelope: the strip ahead of the ego as long as the safe distance of
 //!   responsibility-sensitive safety (Shalev-Shwartz, Shammah and Shashua 2017, definition 1, without speeding up and with
 //!   equal brakes), `v ρ + (v² - u²) / 2b` with `u` the other's speed in the ego's direction, at least 0; or
-//! - with [`Forecast::Lanes`], the boxes overlap within the horizon, the ego predicted along its route and the other along some way that its
-//!   lanes allow, at the speed or the acceleration that each has: who turns slowly across is seen before the turn points at the ego.
+//! - with [`Forecast::Lanes`], the boxes overlap within the horizon, the ego predicted along its route and the other along some way that
+//!   its lanes allow, at the speed or the acceleration that each has: a slow turn across is seen before it points at the ego.
 
 use crate::kernel::{OrientedBox, Vec2, num};
 use crate::scene::{AgentKind, DT_S};
@@ -20,17 +20,17 @@ use crate::sim::rollouts::closed_loop::ClosedLoop;
 
 use super::ways::ahead;
 
-/// Nobody is expected to gain speed faster than this for seconds, m/s².
+/// Largest rate at which anybody is expected to gain speed for seconds, m/s².
 const GAIN_MPS2_MAX: f64 = 3.0;
 
 /// Watches one road user from step to step.
 pub(in crate::sim) struct ThreatWatch<'a> {
     options: &'a AvoidanceOptions,
-    /// Whom it watches.
+    /// The road user that it watches.
     who: ActorRef,
     /// Headings of the ego and of the other at the last step, and the other's speed, m/s.
     last: Option<(Vec2, Vec2, f64)>,
-    /// Since which step it is visible, and when it was seen last.
+    /// Step since which it is visible, and step at which it was seen last.
     visible: Option<usize>,
     seen: usize,
 }
@@ -44,7 +44,7 @@ struct Moving<'a> {
 }
 
 impl Moving<'_> {
-    /// The box after `seconds` of constant turn rate and speed.
+    /// Returns the box after `seconds` of constant turn rate and speed.
     fn after(&self, seconds: f64) -> OrientedBox {
         let turn = self.yaw_rate_radps * seconds;
         let (sine, cosine) = num::sin_cos(turn);
@@ -58,7 +58,7 @@ impl Moving<'_> {
         self.size.at(Place { position: self.place.position + way, axis })
     }
 
-    /// Whether two bodies overlap at some moment within the horizon.
+    /// Returns `true` if two bodies overlap at some moment within the horizon.
     fn meets(&self, other: &Moving<'_>, horizon_s: f64) -> bool {
         let reach_m = self.size.radius_m + other.size.radius_m;
         moments(horizon_s).any(|seconds| near_overlap(&self.after(seconds), &other.after(seconds), reach_m))
@@ -73,7 +73,7 @@ fn near_overlap(a: &OrientedBox, b: &OrientedBox, reach_m: f64) -> bool {
     (a.center - b.center).norm_squared() <= reach_m * reach_m && a.overlaps(b)
 }
 
-/// The other on its lanes: its box, its speed (m/s) and by how much that grows (m/s²).
+/// The other on its lanes: its box, its speed (m/s) and the growth of its speed (m/s²).
 struct OnLanes<'a> {
     place: Place,
     size: &'a Size,
@@ -82,7 +82,7 @@ struct OnLanes<'a> {
 }
 
 impl OnLanes<'_> {
-    /// Whether the ego, going along its route at its speed, overlaps it on some way within the horizon.
+    /// Returns `true` if the ego, going along its route at its speed, overlaps it on some way within the horizon.
     fn meets(&self, state: &ClosedLoop<'_>, horizon_s: f64) -> bool {
         let (ego, route) = (&state.ego, &state.plant.route);
         let reach_m = ego.size.radius_m + self.size.radius_m;
@@ -115,8 +115,8 @@ impl<'a> ThreatWatch<'a> {
         ThreatWatch { options, who, last: None, visible: None, seen: 0 }
     }
 
-    /// Since which step the threat is visible at the k-th: the first of the last run of steps in which it is seen. The ego keeps it in mind for
-    /// the reaction time, so shorter interruptions do not end a run. Asked once a step, in order.
+    /// Returns the step since which the threat is visible at the k-th: the first of the last run of steps in which it is seen. The ego keeps it
+    /// in mind for the reaction time, so shorter interruptions do not end a run. Called once a step, in order.
     pub fn visible_since(&mut self, state: &ClosedLoop<'_>, k: usize) -> Option<usize> {
         let sees = self.sees(state, k);
         if k - self.seen > in_steps(self.options.reaction_s) {
@@ -129,7 +129,7 @@ impl<'a> ThreatWatch<'a> {
         self.visible
     }
 
-    /// Whether it is a visible threat at the k-th step.
+    /// Returns `true` if it is a visible threat at the k-th step.
     fn sees(&mut self, state: &ClosedLoop<'_>, k: usize) -> bool {
         let Some((place, velocity, size)) = place_of(state, k, self.who) else {
             self.last = None;
@@ -173,7 +173,7 @@ impl<'a> ThreatWatch<'a> {
         OrientedBox { center, axis, half_length_m: 0.5 * length_m, half_width_m }.overlaps(other)
     }
 
-    /// Whether some place of the box lies in the field of view with nobody in between.
+    /// Returns `true` if a corner or the centre of the box lies in the field of view with nobody in between.
     fn is_in_view(&self, state: &ClosedLoop<'_>, k: usize, shape: &OrientedBox) -> bool {
         let (eye, axis) = (state.ego.sample.position, state.ego.axis);
         let half_view_rad = 0.5 * self.options.field_of_view_deg * num::PI / 180.0;
@@ -195,13 +195,13 @@ impl<'a> ThreatWatch<'a> {
     }
 }
 
-/// Whole decision steps that hold a time.
+/// Returns the number of whole decision steps that hold a time.
 pub(super) fn in_steps(seconds: f64) -> usize {
     // A hair less, so that 0.3 s are three steps and not four.
     (seconds / DT_S - 1e-9).ceil().max(0.0) as usize
 }
 
-/// Where somebody is at the k-th step, how it moves, and its box; nothing while it is not there.
+/// Returns place, velocity and box of a road user at the k-th step; `None` while it is not there.
 pub(super) fn place_of(state: &ClosedLoop<'_>, k: usize, who: ActorRef) -> Option<(Place, Vec2, Size)> {
     if let Some(actor) = state.world.actors.iter().find(|actor| actor.who == who) {
         let now = actor.now.as_ref()?;
@@ -213,7 +213,7 @@ pub(super) fn place_of(state: &ClosedLoop<'_>, k: usize, who: ActorRef) -> Optio
     Some((plant.rows.place(row), plant.rows.sample(k, row).velocity, plant.sizes[track]))
 }
 
-/// Whether the straight line between two points passes through a box (clipped against its slabs).
+/// Returns `true` if the straight line between two points passes through a box (clipped against its slabs).
 fn crosses(from: Vec2, to: Vec2, cover: &OrientedBox) -> bool {
     let (start, way) = (from - cover.center, to - from);
     let (mut enter, mut leave) = (0.0f64, 1.0f64);

@@ -20,40 +20,40 @@ use super::evasion::Manoeuvre;
 use super::threat::{ThreatWatch, in_steps, place_of};
 use super::touch::Side;
 
-/// Who slows down by more reacts, m/s²: more than rolling and letting go of the pedal come to.
+/// Deceleration above which the ego reacts, m/s²: more than rolling and letting go of the pedal cause.
 const BRAKES_MPS2: f64 = 1.5;
-/// Who is so far beside its place in the lane reacts, and began when it last was hardly beside it, metres.
+/// Offset from its place in the lane at which the ego reacts, and offset up to which it had not begun to, metres.
 const STEERS_M: f64 = 0.3;
 const HARDLY_M: f64 = 0.05;
-/// Who steers towards a point ahead (pure pursuit, Coulter 1992) cuts a bend by as much as a chord of so much of the route does, and reacts
-/// to nobody with that, metres.
+/// Length of route whose chord cuts a bend as much as steering towards a point ahead (pure pursuit, Coulter 1992) does, metres. Such a
+/// cut is no reaction.
 const CHORD_M: f64 = 12.0;
 
-/// When things happened that led to a contact. Times are since the first simulated step, s.
+/// Times of the events that led to a contact, since the first simulated step, s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Timeline {
     /// The contact.
     pub contact_s: f64,
-    /// Since when the ego could see it coming; `None` if it never could.
+    /// Time from which on the ego could see it coming; `None` if it never could.
     pub visible_s: Option<f64>,
-    /// What the ego did about it first, from then on; where it saw nothing, within the last four seconds.
+    /// The ego's first reaction from then on; where it saw nothing, within the last four seconds.
     pub reaction: Option<Reaction>,
     /// Its hardest braking from then on, m/s².
     pub braked_mps2_max: f64,
-    /// Whence the other came, seen from the ego.
+    /// Side of the ego from which the other came.
     pub from: Side,
-    /// Of every manoeuvre, in the order in which they are tried.
+    /// The last chance of every manoeuvre, in the order in which they are tried.
     pub chances: Vec<Chance>,
 }
 
-/// What the ego did first.
+/// The ego's first reaction.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reaction {
     /// The decision with which it began, s.
     pub at_s: f64,
-    /// What it was.
+    /// Kind of the reaction.
     pub by: Reacted,
 }
 
@@ -69,28 +69,28 @@ pub enum Reacted {
     SteeredRight,
 }
 
-/// A manoeuvre, and until when it would have helped.
+/// A manoeuvre, and the time until which it would have helped.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Chance {
-    /// Which one.
+    /// The manoeuvre.
     pub by: Manoeuvre,
     /// The last decision with which it could begin and avoid the contact, s; `None` where none of the last four seconds could.
     pub last_s: Option<f64>,
 }
 
 impl Timeline {
-    /// The manoeuvre that would have helped the longest; of equal ones the plainest. `None` where none would have.
+    /// Returns the manoeuvre that would have helped the longest; of equal ones the plainest. `None` where none would have.
     pub fn last_chance(&self) -> Option<Chance> {
         let with = self.chances.iter().copied().filter(|chance| chance.last_s.is_some());
         with.reduce(|best, other| if other.last_s > best.last_s { other } else { best })
     }
 }
 
-/// The time line of a contact. It must be that of the rollout of the same plant, intervention and driver.
+/// Returns the time line of a contact, which must be that of the rollout of the same plant, intervention and driver.
 ///
 /// # Errors
-/// What the rollout itself would refuse.
+/// The same as those of the rollout itself.
 pub fn timeline(
     plant: &Plant,
     intervention: &Intervention,
@@ -100,17 +100,17 @@ pub fn timeline(
     timeline_relived(&mut Driven::begun(plant, intervention, driver)?, contact)
 }
 
-/// The ego at a step, as far as reactions show in it.
+/// The part of the ego's state at a step that shows reactions.
 #[derive(Clone, Copy)]
 struct Moment {
     speed_mps: f64,
-    /// How far it is to the left of its route and of the line that cuts its bends, metres.
+    /// Distance to the left of its route and of the line that cuts its bends, metres.
     aside_m: f64,
-    /// How far to the left of the ego the other is, metres.
+    /// Distance of the other to the left of the ego, metres.
     other_left_m: Option<f64>,
 }
 
-/// [`timeline`] of a rollout that is lived through again from its first state.
+/// Does the same as [`timeline`] for a rollout that is driven again from its first state.
 pub(in crate::sim) fn timeline_relived<'a>(
     rollout: &mut dyn Relived<'a>,
     contact: &Contact,
@@ -151,7 +151,7 @@ fn moment(state: &ClosedLoop<'_>, k: usize, contact: &Contact) -> Moment {
     Moment { speed_mps: ego.speed_mps, aside_m: beside_own_line_m(&state.plant.route, &ego.along), other_left_m }
 }
 
-/// How far a place is to the left of a route and of the line that cuts its bends: nothing between the two, metres.
+/// Returns how far a place is to the left of a route and of the line that cuts its bends, metres: 0 between the two.
 fn beside_own_line_m(route: &Path, along: &Along) -> f64 {
     let at = |s_m: f64| route.at(s_m, along.segment);
     let chord = at(along.s_m - 0.5 * CHORD_M).lerp(at(along.s_m + 0.5 * CHORD_M), 0.5);
@@ -159,13 +159,13 @@ fn beside_own_line_m(route: &Path, along: &Along) -> f64 {
     along.offset_m - along.offset_m.clamp(cut_m.min(0.0), cut_m.max(0.0))
 }
 
-/// How hard each decision from a step on slowed the ego down, m/s².
+/// Yields each decision from a step on, with the deceleration that it caused, m/s².
 fn decelerations(moments: &[Moment], from: usize) -> impl Iterator<Item = (usize, f64)> {
     let pairs = moments.windows(2).enumerate().skip(from);
     pairs.map(|(k, pair)| (k, (pair[0].speed_mps - pair[1].speed_mps) / DT_S))
 }
 
-/// What the ego did first from a step on.
+/// Returns the ego's first reaction from a step on.
 fn reaction(moments: &[Moment], from: usize) -> Option<Reaction> {
     let braked = decelerations(moments, from).find(|(_, hard)| *hard > BRAKES_MPS2).map(|(k, _)| (k, Reacted::Braked));
     let start_m = moments.get(from)?.aside_m;
@@ -181,8 +181,8 @@ fn reaction(moments: &[Moment], from: usize) -> Option<Reaction> {
     Some(Reaction { at_s: in_seconds(first.0), by: first.1 })
 }
 
-/// Whence the other came. Who crosses came from the side that its motion leads away from, who cuts in or brushes along from the side on
-/// which it was two seconds before.
+/// Returns the side from which the other came. One that crosses came from the side that its motion leads away from; one that cuts in
+/// or brushes along came from the side on which it was two seconds before.
 fn whence(contact: &Contact, moments: &[Moment]) -> Side {
     let side = |left: bool| if left { Side::Left } else { Side::Right };
     match contact.class {

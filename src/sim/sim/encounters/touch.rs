@@ -1,13 +1,13 @@
-//! How two boxes came to touch: the face through which they met, from where they are and how they move.
+//! The face through which two boxes came to touch, from where they are and how they move.
 
 use serde::{Deserialize, Serialize};
 
 use crate::kernel::{OrientedBox, Vec2};
 
-/// Slower than this along a separating axis is no approach along it, m/s.
+/// Speed along a separating axis up to which there is no approach along it, m/s.
 const APPROACH_MPS: f64 = 1e-9;
 
-/// Who ran into whom: each one's velocity is measured along the normal of the touch, towards the other.
+/// The road user that ran into the other: each one's velocity is measured along the normal of the touch, towards the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Striker {
@@ -34,7 +34,7 @@ pub enum Side {
 }
 
 impl Side {
-    /// The side of a box that looks most into a direction. A corner hit exactly on its diagonal counts as front or rear.
+    /// Returns the side of a box that faces a direction most. A corner hit exactly on its diagonal counts as front or rear.
     pub(super) fn facing(axis: Vec2, direction: Vec2) -> Side {
         let (ahead, aside) = (axis.dot(direction), axis.cross(direction));
         match (ahead.abs() >= aside.abs(), ahead >= 0.0, aside >= 0.0) {
@@ -46,8 +46,8 @@ impl Side {
     }
 }
 
-/// Unit normal of the contact, from `a` to `b`: moved back along their velocities, the boxes came apart first on this
-/// axis (separating axes of moving boxes: Ericson, Real-Time Collision Detection, 5.5). Positions alone cannot tell it:
+/// Returns the unit normal of the contact, from `a` to `b`: moved back along their velocities, the boxes came apart first on this
+/// axis (separating axes of moving boxes: Ericson, Real-Time Collision Detection, 5.5). Positions alone cannot give it:
 /// the same overlap of two corners is a rear-end strike or a sideswipe. Without relative motion it is the axis of least
 /// overlap.
 pub(super) fn contact_normal(a: &OrientedBox, b: &OrientedBox, relative_velocity: Vec2) -> Vec2 {

@@ -1,8 +1,8 @@
-//! What several drivers say of one contact.
+//! Verdicts of several drivers about one contact.
 
 use serde::{Deserialize, Serialize};
 
-/// What the jury says of a contact: of each driver whether it avoids it, or nothing where it is not defined.
+/// The jury's verdict on a contact: for each driver, true if it avoids the contact, or `None` where it is not defined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Jury {
@@ -20,7 +20,7 @@ pub struct Jury {
     pub fuzzy: Option<bool>,
 }
 
-/// So many of so many drivers, in words.
+/// Says in words how many of how many drivers avoid it.
 pub fn avoided_in_words([avoid, of]: [usize; 2]) -> String {
     format!("{avoid} of {of} drivers avoid it")
 }
@@ -30,12 +30,12 @@ impl Jury {
         [self.careful, self.reg157, self.human_driver, self.fuzzy].into_iter().flatten()
     }
 
-    /// How many drivers avoid it.
+    /// Returns the number of drivers that avoid it.
     pub fn avoid(&self) -> usize {
         self.all().filter(|avoids| *avoids).count()
     }
 
-    /// How many judged.
+    /// Returns the number of drivers that judged.
     pub fn of(&self) -> usize {
         self.all().count()
     }

@@ -1,23 +1,23 @@
-//! Where somebody on a lane may go: along it and along the lanes that it leads to, as far beside the centre lines as now.
+//! Ways open to a road user on a lane: along it and along the lanes that it leads to, as far beside the centre lines as now.
 
 use crate::kernel::{Vec2, num};
 use crate::scene::{LaneGraph, LaneIx};
 use crate::sim::prepared::body::Place;
 
-/// Who is farther from every lane of their direction follows none, metres.
+/// Distance from every lane of its direction beyond which a road user follows none, metres.
 const LANE_WITHIN_M: f64 = 2.0;
 
-/// A lane on somebody's way.
+/// A lane on a road user's way.
 pub(super) struct Ahead<'a> {
     lanes: &'a LaneGraph,
     lane: LaneIx,
-    /// How far it is to the lane's beginning, metres; negative for the lane that they are on.
+    /// Distance to the lane's beginning, metres; negative for the lane that it is on.
     start_m: f64,
     offset_m: f64,
 }
 
 impl Ahead<'_> {
-    /// Where on this lane somebody is that much farther on, metres; beyond a lane that leads nowhere straight on.
+    /// Returns the place on this lane that much farther on, metres; straight on beyond a lane that leads nowhere.
     pub fn after(&self, way_m: f64) -> Option<Place> {
         let (s_m, length_m) = (way_m - self.start_m, self.lanes.length_m(self.lane));
         let beyond_m = (s_m - length_m).max(0.0);
@@ -31,7 +31,7 @@ impl Ahead<'_> {
     }
 }
 
-/// The lanes that somebody comes to within `reach_m` without a lane change, from every lane that they may be on.
+/// Returns the lanes that a road user reaches within `reach_m` without a lane change, from every lane that it may be on.
 pub(super) fn ahead<'a>(lanes: &'a LaneGraph, from: &Place, reach_m: f64) -> Vec<Ahead<'a>> {
     let mut all = Vec::new();
     for place in lanes.lanes_near(from.position, from.axis.heading(), LANE_WITHIN_M) {

@@ -1,4 +1,4 @@
-//! Where a road user is and how large: the small values that the rollout moves about.
+//! Place and size of a road user: the small values that the rollout moves about.
 
 use crate::kernel::{OrientedBox, Vec2};
 use crate::scene::{AgentKind, Sample};
@@ -11,7 +11,7 @@ pub const SUBSTEPS: usize = 5;
 /// Kind and footprint of a road user.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Size {
-    /// What sort of road user it is.
+    /// The sort of road user.
     pub kind: AgentKind,
     /// Half of the box along its heading, metres.
     pub half_length_m: f64,
@@ -22,14 +22,14 @@ pub struct Size {
 }
 
 impl Size {
-    /// From the whole length and width, metres.
+    /// Takes the whole length and width, metres.
     pub fn new(kind: AgentKind, length_m: f64, width_m: f64) -> Size {
         let (half_length_m, half_width_m) = (0.5 * length_m, 0.5 * width_m);
         let radius_m = (half_length_m * half_length_m + half_width_m * half_width_m).sqrt();
         Size { kind, half_length_m, half_width_m, radius_m }
     }
 
-    /// The footprint at a place.
+    /// Returns the footprint at a place.
     pub fn at(&self, place: Place) -> OrientedBox {
         OrientedBox {
             center: place.position,
@@ -45,17 +45,17 @@ impl Size {
 pub struct Place {
     /// The centre of the box, metres.
     pub position: Vec2,
-    /// Where it points, of length 1.
+    /// Heading as a vector of length 1.
     pub axis: Vec2,
 }
 
 impl Place {
-    /// The place of a sample.
+    /// Returns the place of a sample.
     pub fn of(sample: &Sample) -> Place {
         Place { position: sample.position, axis: Vec2::from_heading(sample.heading_rad) }
     }
 
-    /// The place a share of the way to another: position on the chord, axis turned along the shorter arc
+    /// Returns the place a share of the way to another: position on the chord, axis turned along the shorter arc
     /// (normalised chord; the start's axis if the two are opposite).
     pub fn towards(&self, next: &Place, share: f64) -> Place {
         let axis = self.axis.lerp(next.axis, share);
@@ -67,7 +67,7 @@ impl Place {
     }
 }
 
-/// The sample after a physics step of the way between two samples: at the given place, with the velocity in between.
+/// Returns the sample after a physics step of the way between two samples: at the given place, with the velocity in between.
 /// Without a next sample the velocity stays.
 pub fn sample_during(now: &Sample, next: Option<&Sample>, place: &Place, substep: usize) -> Sample {
     match next {
@@ -82,7 +82,7 @@ pub fn sample_during(now: &Sample, next: Option<&Sample>, place: &Place, substep
     }
 }
 
-/// The sample after `seconds` of unchanged velocity and heading.
+/// Returns the sample after `seconds` of unchanged velocity and heading.
 pub fn coasting(sample: &Sample, seconds: f64) -> Sample {
     Sample { position: sample.position + sample.velocity * seconds, ..*sample }
 }

@@ -1,5 +1,5 @@
-//! What SafeBench's criteria need to know of a staged scene's road: where driving lanes are, where lines are painted,
-//! where one has to stop. Prepared once a scene.
+//! Road data for SafeBench's criteria in a staged scene: driving lanes, painted lines, and stop lines.
+//! Prepared once for each scene.
 
 use std::sync::Arc;
 
@@ -11,9 +11,9 @@ use super::drivable::Drivable;
 use super::path::Path;
 use super::segment::Segment;
 
-/// Lines farther than this from the box around the route are left out, metres.
+/// Distance from the box around the route beyond which lines are left out, metres.
 const NEAR_M: f64 = 40.0;
-/// A stop sign holds where its place or the end of its lane lies this near to the route, metres.
+/// Largest distance from the route of a valid stop sign's place or of the end of its lane, metres.
 const SIGN_OFFSET_M: f64 = 2.0;
 
 /// The road under SafeBench's criteria.
@@ -42,7 +42,7 @@ impl Course {
         Course { driving: Drivable::of(Arc::new(Pieces::of_lanes(&scene.road, is_driven))), marks, stop_lines_s_m }
     }
 
-    /// Whether the way from one place to another crosses a painted line.
+    /// Returns `true` if the way from one place to another crosses a painted line.
     pub fn crosses_mark(&self, from: Vec2, to: Vec2) -> bool {
         let step = Segment::new(from, to);
         self.marks.iter().any(|mark| mark.is_crossed(&step))

@@ -1,10 +1,10 @@
-//! Where one may drive, and in which direction: exact distances to the union of all lane surfaces. A lane's surface is
+//! The drivable surface and its directions: exact distances to the union of all lane surfaces. A lane's surface is
 //! the strip of quadrilaterals between its left and right line; they and their grid are those of the lane graph.
 //!
-//! Three computations of the project know this surface. This one serves rollouts: it looks for the largest distance so
+//! Three computations of the project use this surface. This one serves rollouts: it looks for the largest distance so
 //! far, starts at the piece that last held the place, and skips what cannot raise the maximum. `LaneGraph::off_road_m`
 //! serves single questions up to 100 m. `stage::road_field::RoadField` is a raster of signed distances with slopes, for
-//! searches by gradient, right to half a cell. The first two share their pieces; results in last bits rest on each.
+//! searches by gradient, right to half a cell. The first two share their pieces, and results depend on both in the last bits.
 
 use std::sync::Arc;
 
@@ -12,14 +12,14 @@ use crate::kernel::Vec2;
 use crate::scene::LaneKind;
 use crate::scene::pieces::{Piece, Pieces};
 
-/// A place farther from every lane than this is reported as this far, metres.
+/// Largest distance that is reported for a place off all lanes, metres.
 pub const OFF_ROAD_M_CAP: f64 = 50.0;
-/// A piece whose centre line is shorter is no surface, metres.
+/// Length of a centre line below which a piece is no surface, metres.
 const PIECE_M_MIN: f64 = 1e-9;
-/// For rounding, where the rectangle around a piece says that the piece is farther away than something, m². Its root is
+/// Allowance for rounding, where the rectangle around a piece shows that the piece is farther away than something, m². Its root is
 /// [`TOUCH_M`](crate::scene::pieces::TOUCH_M).
 const SLACK_M2: f64 = 1e-6;
-/// A place is this far from a line, metres: then rounding does not decide on which side of it the place lies.
+/// Distance of a place from a line beyond which rounding does not decide on which side the place lies, metres.
 const SURE_M: f64 = 1e-6;
 
 /// The drivable surface of a scene.
@@ -30,13 +30,13 @@ pub struct Drivable {
 }
 
 impl Drivable {
-    /// The surface of these pieces. A road without lanes has none: see [`Drivable::is_known`].
+    /// Makes the surface of these pieces. A road without lanes has none: see [`Drivable::is_known`].
     pub fn of(pieces: Arc<Pieces>) -> Drivable {
         let known = pieces.all().iter().any(counts);
         Drivable { pieces, known }
     }
 
-    /// Whether the scene says where one may drive. If not, nothing is ever off-road or on the wrong side.
+    /// Returns `true` if the scene says where one may drive. If not, nothing is ever off-road or on the wrong side.
     pub fn is_known(&self) -> bool {
         self.known
     }
@@ -45,8 +45,8 @@ impl Drivable {
         self.pieces.all().get(hint as usize).filter(|piece| counts(piece))
     }
 
-    /// Distance from a point to the nearest lane surface, metres; 0 on it, at most [`OFF_ROAD_M_CAP`]. Exact if it is
-    /// above `floor_m`; below, any number up to `floor_m` may come back (who looks for a maximum needs no more).
+    /// Returns the distance from a point to the nearest lane surface, metres; 0 on it, at most [`OFF_ROAD_M_CAP`]. Exact if it is
+    /// above `floor_m`; below, any number up to `floor_m` may come back (a search for a maximum needs no more).
     /// `hint` is a piece near the point (any number will do); it is set to the nearest one found.
     pub fn distance_m(&self, point: Vec2, floor_m: f64, hint: &mut u32) -> f64 {
         if !self.is_known() {
@@ -63,7 +63,7 @@ impl Drivable {
         }
         let mut best_m = best.sqrt();
         self.pieces.outward(point, best_m, |ix, piece| {
-            // The rectangle around a piece is asked first, for most pieces of a cell are far from the place.
+            // The rectangle around a piece is tested first, because most pieces of a cell are far from the place.
             if counts(piece) && piece.bound_distance_squared(point) <= best + SLACK_M2 {
                 let squared = squared_distance(&corners(piece), point);
                 if squared < best {
@@ -76,13 +76,13 @@ impl Drivable {
         best.sqrt()
     }
 
-    /// Whether a point lies on the surface: [`Drivable::distance_m`] is 0, for less where it is not. `hint` as there.
+    /// Returns `true` if a point lies on the surface, where [`Drivable::distance_m`] is 0; costs less where it does not. `hint` as there.
     pub fn holds(&self, point: Vec2, hint: &mut u32) -> bool {
         self.holds_for_m(point, Vec2::ZERO, hint).is_some()
     }
 
-    /// The same, and how far a ray from there in a unit direction surely stays on the piece that holds the point, metres: `None` beside
-    /// the surface, 0 where that piece holds it by rounding only.
+    /// Does the same, and returns how far a ray from there in a unit direction surely stays on the piece that holds the point, metres: `None`
+    /// beside the surface, 0 where that piece holds it by rounding only.
     pub fn holds_for_m(&self, point: Vec2, direction: Vec2, hint: &mut u32) -> Option<f64> {
         if !self.is_known() {
             return Some(f64::INFINITY);
@@ -106,7 +106,7 @@ impl Drivable {
         Some(sure_m)
     }
 
-    /// How far a ray from a point in a unit direction surely stays on the piece `hint`, metres: [`Drivable::holds`] is true
+    /// Returns how far a ray from a point in a unit direction surely stays on the piece `hint`, metres: [`Drivable::holds`] is true
     /// all the way. 0 where the point is not well inside that piece.
     pub fn surely_holds_for_m(&self, point: Vec2, direction: Vec2, hint: u32) -> f64 {
         match self.piece(hint).map(|piece| lies(piece, point, direction)) {
@@ -115,7 +115,7 @@ impl Drivable {
         }
     }
 
-    /// Whether a point lies on lanes all of which run against `axis` (more than 90° off). `hint` as in
+    /// Returns `true` if a point lies on lanes all of which run against `axis` (more than 90° off). `hint` as in
     /// [`Drivable::distance_m`].
     pub fn is_wrong_way(&self, point: Vec2, axis: Vec2, hint: &mut u32) -> bool {
         let along = |piece: &Piece| contains(&corners(piece), point) && driving_direction(piece).dot(axis) >= 0.0;
@@ -140,13 +140,13 @@ fn counts(piece: &Piece) -> bool {
     piece.length_m >= PIECE_M_MIN
 }
 
-/// Rear-left, rear-right, front-right, front-left.
+/// Returns the rear-left, rear-right, front-right and front-left corner.
 fn corners(piece: &Piece) -> [Vec2; 4] {
     let [rear_left, front_left, front_right, rear_right] = piece.surface;
     [rear_left, rear_right, front_right, front_left]
 }
 
-/// Unit; zero where the lane has none (shoulders, parking, sidewalks).
+/// Returns a unit vector; zero where the lane has no direction (shoulders, parking, sidewalks).
 fn driving_direction(piece: &Piece) -> Vec2 {
     if piece.kind == LaneKind::Other { Vec2::ZERO } else { piece.direction }
 }
@@ -178,9 +178,9 @@ impl Drivable {
     }
 }
 
-/// Where a place lies against a piece.
+/// Position of a place relative to a piece.
 enum Lies {
-    /// Well inside, and so on for so many metres in some direction.
+    /// Well inside, and further on for so many metres in some direction.
     Inside { sure_m: f64 },
     /// Well outside.
     Outside,
@@ -188,7 +188,7 @@ enum Lies {
     Unsure,
 }
 
-/// By the side of each edge on which the place is.
+/// Decides by the side of each edge on which the place is.
 fn lies(piece: &Piece, point: Vec2, direction: Vec2) -> Lies {
     let corners = corners(piece);
     let (mut sure_m, mut is_inside) = (f64::INFINITY, true);
@@ -213,7 +213,7 @@ fn lies(piece: &Piece, point: Vec2, direction: Vec2) -> Lies {
     if is_inside { Lies::Inside { sure_m: if sure_m.is_finite() { sure_m } else { 0.0 } } } else { Lies::Unsure }
 }
 
-/// Even-odd test of a quadrilateral, folded ones included.
+/// Runs the even-odd test of a quadrilateral, folded ones included.
 fn contains(corners: &[Vec2; 4], point: Vec2) -> bool {
     let mut inside = false;
     let mut a = corners[3];
@@ -246,7 +246,7 @@ fn squared_distance_to_edge(a: Vec2, b: Vec2, point: Vec2) -> f64 {
     (point - a - along * share).norm_squared()
 }
 
-/// Whether [`squared_distance`] is 0. Divides only where the point lies on an edge's line or nearly so.
+/// Returns `true` if [`squared_distance`] is 0. Divides only where the point lies on an edge's line or nearly so.
 fn is_on(corners: &[Vec2; 4], point: Vec2) -> bool {
     if contains(corners, point) {
         return true;
@@ -263,14 +263,14 @@ fn is_on(corners: &[Vec2; 4], point: Vec2) -> bool {
     false
 }
 
-/// Surfaces for this room's tests.
+/// Surfaces for the tests of this module.
 #[cfg(test)]
 pub(in crate::sim) mod samples {
     use super::*;
     use crate::scene::Road;
     use crate::sim::scenes::lane;
 
-    /// Lanes in all directions that cross, touch and leave gaps; some share an end or an edge. Half a metre is 1.
+    /// Makes lanes in all directions that cross, touch and leave gaps; some share an end or an edge. 1 is half a metre.
     pub fn surface(ends: &[(i32, i32)]) -> Drivable {
         let place = |&(x, y): &(i32, i32)| Vec2::new(0.5 * f64::from(x), 0.5 * f64::from(y));
         let lanes = ends.windows(2).filter(|e| e[0] != e[1]).map(|e| lane(place(&e[0]), place(&e[1])));

@@ -36,9 +36,9 @@ impl Edges {
         Edges { lines, pieces }
     }
 
-    /// How far a way goes across an edge in the step that leads to place `from` or a later one, metres: of each crossing the lesser of
-    /// its distances from the edge before and on the other side after, each as long as it runs beside the edge, at places that
-    /// `counts` names; the largest of these. Who begins beside the edge has come from farther.
+    /// Returns how far a way goes across an edge in the step that leads to place `from` or a later one, metres: of each crossing the lesser of
+    /// its distances from the edge before and on the other side after, each as long as it runs beside the edge, at places for which
+    /// `counts` is true; the largest of these. A way that begins beside the edge has come from farther away.
     pub fn across_m(&self, way: &[Vec2], from: usize, counts: impl Fn(Vec2) -> bool) -> f64 {
         let around = Extent::around(way.iter().copied());
         let near: Vec<_> = self.pieces.iter().filter(|(piece, ..)| piece.meets(&around)).collect();
@@ -159,7 +159,7 @@ mod tests {
         Edges::of(edges).across_m(way, 0, |_| true)
     }
 
-    /// From 20 m on along the edge, as far beside it as the values say, in so many steps from one to the next.
+    /// Returns a way from 20 m on along the edge, as far beside it as the values, in so many steps from one to the next.
     fn beside(offs_m: &[f64], steps: usize) -> Vec<Vec2> {
         let count = (offs_m.len() - 1) * steps;
         let at = |k: usize| {
@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn who_comes_back_from_a_touch_has_not_gone_across_and_who_began_there_has() {
-        // It begins on the other side by 0.2 m: that may be the map's error, yet nothing says how it came there.
+        // It begins on the other side by 0.2 m: that may be the map's error, and its earlier way is not known.
         assert_eq!(across(&straight(), &beside(&[-1.75, 0.2, 0.2, -1.75], 9)), 0.2);
         assert_eq!(across(&straight(), &beside(&[0.2, -1.75], 9)), 1.75);
     }

@@ -12,7 +12,7 @@ pub enum SimError {
         scene: String,
         /// Which part of the scene.
         place: String,
-        /// What was expected of it.
+        /// The rule that it breaks.
         rule: &'static str,
     },
     /// An action of the intervention, counted from 0, cannot be carried out in this scene.
@@ -20,9 +20,9 @@ pub enum SimError {
     Action {
         /// Its place in the intervention, from 0.
         action: usize,
-        /// What was expected of it.
+        /// The rule that it breaks.
         rule: &'static str,
-        /// What was found instead.
+        /// The value found instead.
         found: String,
     },
     /// Two actions move the same track.

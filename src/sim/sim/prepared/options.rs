@@ -1,4 +1,4 @@
-//! What the experiment file says about the simulator: the table `[simulator]`. Everything here can change an outcome, so
+//! The simulator's part of the experiment file: the table `[simulator]`. Everything here can change an outcome, so
 //! its digest counts into the key of every rollout.
 
 use serde::{Deserialize, Serialize};
@@ -14,31 +14,31 @@ pub struct SimulatorOptions {
     pub plant: PlantOptions,
     /// When a contact counts as avoidable.
     pub avoidance: AvoidanceOptions,
-    /// Whether outcomes say what of a motion its kind does not do: slides, turns on the spot, speed. A weight of `rolling` or
+    /// True if outcomes report motion that its kind does not do: slides, turns on the spot, speed. A weight of `rolling` or
     /// `speed_of_kind` needs it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub of_kind: bool,
-    /// Whether outcomes say where a motion's kind does not belong: on a motorway, across a kerb or a median. A weight of
+    /// True if outcomes report places where a motion's kind does not belong: on a motorway, across a kerb or a median. A weight of
     /// `place_of_kind` needs it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub of_place: bool,
-    /// Whether outcomes say who is at fault for the ego's contact by nuPlan's rule. `reading = "at_fault"` needs it.
+    /// True if outcomes say who is at fault for the ego's contact by nuPlan's rule. `reading = "at_fault"` needs it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub at_fault: bool,
-    /// Whether labels say which drivers of UN R157 would have avoided the ego's contact.
+    /// True if labels say which drivers of UN R157 would have avoided the ego's contact.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub jury: bool,
-    /// Which form of SafeBench's scripts traffic families stage. Absent from what is written where it is the first.
+    /// The form of SafeBench's scripts that traffic families stage. Not written where it is the first.
     #[serde(default, skip_serializing_if = "Scripts::are_as_defined")]
     pub scripts: Scripts,
 }
 
-/// The form of SafeBench's scripts. Its scenarios define a stop condition that nobody there calls: `check_stop_condition` of
+/// The form of SafeBench's scripts. Its scenarios define a stop condition that is never called there: `check_stop_condition` of
 /// `scenario_definition/*/object_crash_vehicle.py` and its siblings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Scripts {
-    /// As its scenarios define them: who has gone far enough stops there; family 1 has a pedestrian, whoever plays it.
+    /// As its scenarios define them: an adversary that has gone far enough stops; family 1 has a pedestrian, whatever plays it.
     #[default]
     AsDefined,
     /// As its scenarios run: nobody stops, and the adversary of AT's family 1 is a bicycle (`adv_trajectory/object_crash_vehicle.py` 58).
@@ -52,7 +52,7 @@ impl Scripts {
 }
 
 impl SimulatorOptions {
-    /// What the experiments of this repository declare; for tests and benchmarks, which read no file.
+    /// The options that the experiments of this repository declare; for tests and benchmarks, which read no file.
     pub const SHIPPED: SimulatorOptions = SimulatorOptions {
         plant: PlantOptions::PHYSICAL,
         avoidance: AvoidanceOptions::SHIPPED,
@@ -63,12 +63,12 @@ impl SimulatorOptions {
         scripts: Scripts::AsDefined,
     };
 
-    /// What goes into a rollout's key.
+    /// Returns the digest that goes into a rollout's key.
     pub fn digest(&self) -> Result<Digest, CanonError> {
         Digest::of("evodrive/simulator-options/1", self)
     }
 
-    /// The first value that cannot be simulated with.
+    /// Checks the values, and fails with the first one that cannot be simulated with.
     pub fn check(&self) -> Result<(), SimulatorOptionsError> {
         let mut bounds = self.plant.bounds().into_iter().chain(self.avoidance.bounds());
         // NaN lies in no range.
@@ -82,41 +82,41 @@ impl SimulatorOptions {
     }
 }
 
-/// Whether a contact could have been avoided: what the ego is taken to see, and what it can do then. Docs:
+/// Terms under which a contact counts as avoidable: what the ego is taken to see, and what it can do then. Docs:
 /// `docs/OBJECTIVES.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AvoidanceOptions {
-    /// How far motions are predicted, and how long after the contact an evading ego must stay clear, s.
+    /// Time over which motions are predicted, and for which an evading ego must stay clear after the contact, s.
     pub horizon_s: f64,
-    /// From the moment at which the threat is visible to the first change of the controls, s.
+    /// Time from the moment at which the threat is visible to the first change of the controls, s.
     pub reaction_s: f64,
     /// Width of the view, centred on the ego's heading, degrees; 360 for an ego that looks all around.
     pub field_of_view_deg: f64,
     /// Full deceleration, m/s².
     pub brake_mps2: f64,
-    /// Time in which it builds up, s.
+    /// Time in which the deceleration builds up, s.
     pub brake_rise_s: f64,
     /// Lateral acceleration of a swerve, m/s². A swerve while braking takes it from the brakes (friction circle).
     pub swerve_mps2: f64,
-    /// How far a swerve goes aside, and the farthest that it leads beside the route, metres.
+    /// Sideways distance of a swerve, and the farthest that it leads beside the route, metres.
     pub swerve_m: f64,
-    /// How it is predicted who is about to be met. Absent from what is written where it is the first.
+    /// The prediction of the others' motion. Not written where it is the first.
     #[serde(default, skip_serializing_if = "Forecast::is_of_motion")]
     pub forecast: Forecast,
-    /// Whether swerves by half a metre, one and two may help, too. The friction circle and the road bound them as the far one.
+    /// True if swerves by half a metre, one and two may help, too. The friction circle and the road bound them as they bound the far one.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub lesser_swerves: bool,
 }
 
-/// What an ego is taken to expect of the others.
+/// The ego's assumed expectation of the others.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Forecast {
-    /// That they keep velocity, or speed and turn rate.
+    /// They keep velocity, or speed and turn rate.
     #[default]
     Motion,
-    /// That, and that they may go along their lanes and any exit of these.
+    /// The same, and they may go along their lanes and any exit of these.
     Lanes,
 }
 
@@ -141,7 +141,7 @@ impl AvoidanceOptions {
         lesser_swerves: false,
     };
 
-    /// The options with their bounds: name, value, lowest and highest.
+    /// Returns the options with their bounds: name, value, lowest and highest.
     fn bounds(&self) -> [(&'static str, f64, f64, f64); 7] {
         [
             ("avoidance.horizon_s", self.horizon_s, 0.1, 10.0),

@@ -2,9 +2,9 @@
 
 use crate::kernel::{Polyline, Vec2};
 
-/// Points of a driven path closer than this are one point: a standing car's jitter is no direction, metres.
+/// Distance below which points of a driven path are one point, metres: a standing car's jitter is no direction.
 pub const ROUTE_SPACING_M: f64 = 0.5;
-/// MetaDrive's lane along a path has straight pieces that are longer than this, metres.
+/// Length that the straight pieces of MetaDrive's lane along a path exceed, metres.
 pub const LANE_SPACING_M: f64 = 1.0;
 
 /// A place beside a route.
@@ -23,14 +23,14 @@ pub struct Along {
 pub struct Path {
     points: Vec<Vec2>,
     directions: Vec<Vec2>,
-    /// Of every segment, or none of any: an arc tangent each, which a path that is made for one rollout does not need.
+    /// Headings of all segments, or empty: each costs an arc tangent, and a path made for one rollout does not need them.
     headings_rad: Vec<f64>,
     lengths: Vec<f64>,
 }
 
-/// A place that is farther from the path than this, and twice as far as the best so far, is worth two roots, m².
+/// Squared distance from the path beyond which, if also twice as far as the best so far, a place is worth two roots, m².
 const WORTH_A_LEAP_M2: f64 = 9.0;
-/// For rounding of lengths and distances, metres.
+/// Allowance for rounding of lengths and distances, metres.
 const SURE_M: f64 = 1e-6;
 
 impl Path {
@@ -40,12 +40,12 @@ impl Path {
         Path::bare(points, heading_rad).map(Path::with_headings)
     }
 
-    /// [`Path::new`] for whoever hardly asks for headings: they are worked out when they are asked for.
+    /// Does the same as [`Path::new`] for callers that hardly need headings: they are computed when they are asked for.
     pub fn bare(points: &[Vec2], heading_rad: f64) -> Option<Path> {
         Path::thinned(points, heading_rad, |apart_m| apart_m >= ROUTE_SPACING_M)
     }
 
-    /// The lane that MetaDrive makes of a path (`PointLane`): its heading jumps from piece to piece.
+    /// Makes the lane that MetaDrive makes of a path (`PointLane`): its heading jumps from piece to piece.
     pub fn lane(points: &[Vec2], heading_rad: f64) -> Option<Path> {
         Path::thinned(points, heading_rad, |apart_m| apart_m > LANE_SPACING_M).map(Path::with_headings)
     }
@@ -73,7 +73,7 @@ impl Path {
         Polyline::new(kept).ok().map(Path::through)
     }
 
-    /// [`Path::new`] with every point left out that lies within `tolerance_m` of the line without it.
+    /// Does the same as [`Path::new`], and leaves out every point that lies within `tolerance_m` of the line without it.
     pub fn simplified(points: &[Vec2], heading_rad: f64, tolerance_m: f64) -> Option<Path> {
         let fine = Path::bare(points, heading_rad)?.points;
         let mut kept = vec![fine[0]];
@@ -97,17 +97,17 @@ impl Path {
         self
     }
 
-    /// The corners of its line, at least two, metres.
+    /// Returns the corners of its line, at least two, metres.
     pub fn points(&self) -> &[Vec2] {
         &self.points
     }
 
-    /// From its first point to its last, metres.
+    /// Returns the length from its first point to its last, metres.
     pub fn length_m(&self) -> f64 {
         self.lengths[self.lengths.len() - 1]
     }
 
-    /// Segment that holds arc length `s`, searched from a known segment.
+    /// Returns the segment that holds arc length `s`, searched from a known segment.
     pub fn segment_near(&self, s_m: f64, known: usize) -> usize {
         let last = self.directions.len() - 1;
         let mut i = known.min(last);
@@ -120,35 +120,35 @@ impl Path {
         i
     }
 
-    /// The point at arc length `s`.
+    /// Returns the point at arc length `s`.
     pub fn at(&self, s_m: f64, known: usize) -> Vec2 {
         let i = self.segment_near(s_m, known);
         self.points[i] + self.directions[i] * (s_m - self.lengths[i])
     }
 
-    /// Heading of the segment at arc length `s`, (-π, π].
+    /// Returns the heading of the segment at arc length `s`, (-π, π].
     pub fn heading_at(&self, s_m: f64, known: usize) -> f64 {
         let segment = self.segment_near(s_m, known);
         self.headings_rad.get(segment).copied().unwrap_or_else(|| self.directions[segment].heading())
     }
 
-    /// Unit direction of a segment.
+    /// Returns the unit direction of a segment.
     pub fn direction(&self, segment: usize) -> Vec2 {
         self.directions[segment.min(self.directions.len() - 1)]
     }
 
-    /// Nearest place on the whole route; the first of equals.
+    /// Returns the nearest place on the whole route; the first of equals.
     pub fn project(&self, point: Vec2) -> Along {
         self.project_between(point, 0, f64::INFINITY)
     }
 
-    /// Nearest place not more than `back_m` before and `ahead_m` after a known place; the first of equals.
+    /// Returns the nearest place not more than `back_m` before and `ahead_m` after a known place; the first of equals.
     pub fn project_near(&self, point: Vec2, known: &Along, back_m: f64, ahead_m: f64) -> Along {
         let first = self.segment_near(known.s_m - back_m, known.segment);
         self.project_between(point, first, known.s_m + ahead_m)
     }
 
-    /// A place on the line through the segment of `near`, which runs on beyond both ends of the segment: MetaDrive's
+    /// Returns a place on the line through the segment of `near`, which runs on beyond both ends of the segment: MetaDrive's
     /// `local_coordinates`.
     pub fn on_line_of(&self, near: &Along, point: Vec2) -> Along {
         let (delta, direction) = (point - self.points[near.segment], self.directions[near.segment]);
@@ -177,7 +177,7 @@ impl Path {
             if squared < best_squared {
                 (best, best_squared) = ((i, along), squared);
             } else if squared > 4.0 * best_squared + WORTH_A_LEAP_M2 {
-                // A path comes nearer by no more than it is long: what ends sooner than that is farther away than the best.
+                // A path comes nearer by no more than its length: a piece that ends sooner than that is farther away than the best.
                 let free_m = squared.sqrt() - best_squared.sqrt() - SURE_M;
                 let until_m = self.lengths[i] + along + free_m;
                 while i + 1 < last && self.lengths[i + 2] < until_m {
@@ -193,7 +193,7 @@ impl Path {
     }
 }
 
-/// End of a long chord from point `from` that holds: doubled while it does, then halved back.
+/// Returns the end of a long chord from point `from` that holds: doubled while it does, then halved back.
 fn longest_chord(points: &[Vec2], from: usize, tolerance_m: f64) -> usize {
     let holds = |to: usize| chord_holds(&points[from..=to], tolerance_m);
     let last = points.len() - 1;
@@ -218,7 +218,7 @@ fn longest_chord(points: &[Vec2], from: usize, tolerance_m: f64) -> usize {
     good
 }
 
-/// Whether all inner points lie within `tolerance_m` of the chord between the ends.
+/// Returns `true` if all inner points lie within `tolerance_m` of the chord between the ends.
 fn chord_holds(points: &[Vec2], tolerance_m: f64) -> bool {
     let (a, b) = (points[0], points[points.len() - 1]);
     let along = b - a;

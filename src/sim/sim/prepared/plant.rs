@@ -1,5 +1,5 @@
-//! A scene prepared once for many rollouts. What was recorded stays in the scene, which is shared; here stand the rows
-//! that say who is where at a step, the route, the road's surface and who may turn reactive.
+//! A scene prepared once for many rollouts. Recorded data stays in the scene, which is shared. The plant holds the rows
+//! that say who is where at a step, the route, the road's surface and the vehicles that may turn reactive.
 
 use std::sync::{Arc, OnceLock};
 
@@ -34,7 +34,7 @@ const LIGHT_OFFSET_M: f64 = 2.0;
 const MOVING_M: f64 = 3.0;
 /// MetaDrive: a reactive vehicle's path is at least this long between its ends, metres.
 const PATH_M_MIN: f64 = 5.0;
-/// How far a path may be straightened where only what lies on it is asked, metres.
+/// Tolerance for straightening a path that is only used to ask what lies on it, metres.
 const PATH_TOLERANCE_M: f64 = 0.05;
 
 /// A vehicle that may turn reactive when it appears: its path from there on.
@@ -49,7 +49,7 @@ pub(in crate::sim) struct Candidate {
 #[derive(Clone, Debug)]
 pub(in crate::sim) struct RouteLight {
     pub s_m: f64,
-    /// One state a simulated step.
+    /// State at each simulated step.
     pub states: Vec<LightState>,
 }
 
@@ -65,23 +65,23 @@ pub struct Plant {
     pub(in crate::sim) ego_size: Size,
     pub(in crate::sim) ego_start: Sample,
     pub(in crate::sim) route: Path,
-    /// The route straightened a little: quicker to search for what is ahead.
+    /// The route straightened a little, which makes the search for obstacles ahead quicker.
     pub(in crate::sim) route_ahead: Path,
-    /// The route as a lane of MetaDrive's, for plants that have its driver to the letter.
+    /// The route as a lane of MetaDrive's, for plants that copy its driver exactly.
     lane: Option<Path>,
     pub(in crate::sim) drivable: Drivable,
-    /// For scenes of a traffic family: they are run under SafeBench's rules.
+    /// Road data for scenes of a traffic family, which are run under SafeBench's rules.
     pub(in crate::sim) course: Option<Course>,
     /// Vehicles that may turn reactive, by the simulated step at which they appear.
     pub(in crate::sim) candidates: Vec<Vec<Candidate>>,
     pub(in crate::sim) lights: Vec<RouteLight>,
-    /// What realism judges of each track's recording, worked out when it is first asked for: every rollout asks again.
+    /// Feasibility of each track's recording, computed when it is first asked for: every rollout asks again.
     recorded: Vec<OnceLock<Feasibility>>,
-    /// The same of what its kind does not do.
+    /// The same for motion that a track's kind does not do.
     recorded_of_kind: Vec<OnceLock<OfKind>>,
-    /// The same of where its kind does not belong.
+    /// The same for places where a track's kind does not belong.
     recorded_of_place: Vec<OnceLock<OfPlace>>,
-    /// Built when it is first asked for.
+    /// Edges of the road, built when they are first asked for.
     edges: OnceLock<Edges>,
     /// Digest of everything above that a rollout replays.
     pub(in crate::sim) digest: Digest,
@@ -145,114 +145,114 @@ impl Plant {
         Ok(plant)
     }
 
-    /// The scene that was prepared.
+    /// Returns the scene that was prepared.
     pub fn scene(&self) -> &Arc<Scene> {
         &self.prepared.scene
     }
 
-    /// Under which rules it is simulated.
+    /// Returns the rules under which it is simulated.
     pub fn options(&self) -> &SimulatorOptions {
         &self.options
     }
 
-    /// What the ego's car and reactive traffic can do.
+    /// Returns the limits of the ego's car and of reactive traffic.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
 
-    /// The graph of its lanes.
+    /// Returns the graph of its lanes.
     pub fn lanes(&self) -> &Arc<LaneGraph> {
         &self.prepared.lanes
     }
 
-    /// The scene's name.
+    /// Returns the scene's name.
     pub fn scene_id(&self) -> &str {
         &self.prepared.scene.id
     }
 
-    /// The scene's step at which the closed loop begins.
+    /// Returns the scene's step at which the closed loop begins.
     pub fn first_step(&self) -> usize {
         self.prepared.scene.ego.start_step
     }
 
-    /// The most decision steps a rollout can take: up to the scene's last sample.
+    /// Returns the most decision steps a rollout can take: up to the scene's last sample.
     pub fn steps(&self) -> usize {
         self.steps
     }
 
-    /// Number of recorded tracks besides the ego.
+    /// Returns the number of recorded tracks besides the ego.
     pub fn tracks(&self) -> usize {
         self.sizes.len()
     }
 
-    /// The path the ego is to drive.
+    /// Returns the path the ego is to drive.
     pub fn route(&self) -> &Path {
         &self.route
     }
 
-    /// The same as a lane of MetaDrive's, where the plant has one.
+    /// Returns the same as a lane of MetaDrive's, where the plant has one.
     pub fn lane(&self) -> Option<&Path> {
         self.lane.as_ref()
     }
 
-    /// Where the ego begins.
+    /// Returns the ego's first sample.
     pub fn ego_start(&self) -> &Sample {
         &self.ego_start
     }
 
-    /// Speed to aim at where the scene gives one, m/s.
+    /// Returns the speed to aim at where the scene gives one, m/s.
     pub fn target_speed_mps(&self) -> Option<f64> {
         self.prepared.scene.ego.target_speed_mps
     }
 
-    /// Whether the scene belongs to one of SafeBench's traffic families and is run under its rules.
+    /// Returns `true` if the scene belongs to one of SafeBench's traffic families and is run under its rules.
     pub fn is_staged(&self) -> bool {
         self.course.is_some()
     }
 
-    /// The ego as recorded at the k-th simulated step.
+    /// Returns the ego as recorded at the k-th simulated step.
     pub(in crate::sim) fn ego_log(&self, k: usize) -> Option<&Sample> {
         self.prepared.scene.ego.track.at(self.first_step() + k)
     }
 
-    /// What realism judges, of a track as it was recorded.
+    /// Returns the feasibility of a track as it was recorded.
     pub fn recorded(&self, track: TrackIx) -> Feasibility {
         *self.recorded[track].get_or_init(|| {
             feasibility::of_recording(&self.drivable, &self.scene().tracks[track].samples, &self.sizes[track])
         })
     }
 
-    /// What of a track's recording its kind does not do.
+    /// Returns the account of motion in a track's recording that its kind does not do.
     pub fn recorded_of_kind(&self, track: TrackIx) -> OfKind {
         let samples = || of_kind::of_recording(&self.scene().tracks[track].samples, &self.sizes[track]);
         *self.recorded_of_kind[track].get_or_init(samples)
     }
 
-    /// What of a track's recording lies where its kind does not belong.
+    /// Returns the account of a track's recording in places where its kind does not belong.
     pub fn recorded_of_place(&self, track: TrackIx) -> OfPlace {
         let track_of = &self.scene().tracks[track];
         let account = || self.places().of_recording(&track_of.samples, track_of.kind);
         *self.recorded_of_place[track].get_or_init(account)
     }
 
-    /// Lanes and edges, to say where a kind does not belong.
+    /// Returns lanes and edges, to say where a kind does not belong.
     pub(in crate::sim) fn places(&self) -> Places<'_> {
         let edges = self.edges.get_or_init(|| Edges::of(&self.scene().road.edges));
         Places { lanes: self.lanes().pieces(), edges }
     }
 
-    /// What realism judges, of a motion of a road user of this size, one sample a step.
+    /// Returns the feasibility of a motion of a road user of this size, one sample a step.
     pub fn feasibility_of(&self, kind: AgentKind, length_m: f64, width_m: f64, samples: &[Sample]) -> Feasibility {
         let samples: Vec<Option<Sample>> = samples.iter().copied().map(Some).collect();
         feasibility::of_recording(&self.drivable, &samples, &self.size_of(kind, length_m, width_m))
     }
 
-    /// The box under these rules of a road user of this kind, length and width, metres.
+    /// Returns the box under these rules of a road user of this kind, length and width, metres.
     pub(in crate::sim) fn size_of(&self, kind: AgentKind, length_m: f64, width_m: f64) -> Size {
         self.options.plant.traffic_boxes.size(kind, length_m, width_m)
     }
 
-    /// Digest of what a rollout replays from this scene.
+    /// Returns the digest of everything that a rollout replays from this scene.
     pub fn digest(&self) -> Digest {
         self.digest
     }
@@ -347,13 +347,13 @@ fn check_track(scene: &Scene, name: &str, track: &Track) -> Result<(), SimError>
     }
 }
 
-/// Whether coordinates can be simulated; NaN can not.
+/// Returns `true` if coordinates can be simulated; NaN can not.
 pub(in crate::sim) fn in_range(p: Vec2) -> bool {
     // NaN compares false.
     p.x.abs() <= POSITION_M_MAX && p.y.abs() <= POSITION_M_MAX
 }
 
-/// Whether a sample can be simulated.
+/// Returns `true` if a sample can be simulated.
 pub(in crate::sim) fn sample_is_sound(sample: &Sample) -> bool {
     in_range(sample.position)
         && sample.heading_rad.abs() <= 1e6
@@ -361,12 +361,12 @@ pub(in crate::sim) fn sample_is_sound(sample: &Sample) -> bool {
         && sample.velocity.y.abs() <= SPEED_MPS_MAX
 }
 
-/// Whether a box can be simulated.
+/// Returns `true` if a box can be simulated.
 pub(in crate::sim) fn size_is_sound(length_m: f64, width_m: f64) -> bool {
     length_m > 0.0 && length_m <= LENGTH_M_MAX && width_m > 0.0 && width_m <= LENGTH_M_MAX
 }
 
-/// Vehicles that move (MetaDrive's rules for reactive traffic that do not depend on the ego), by step of appearance.
+/// Returns vehicles that move (MetaDrive's rules for reactive traffic that do not depend on the ego), by step of appearance.
 fn candidates_of(scene: &Scene, rows: &Rows, steps: usize) -> Vec<Vec<Candidate>> {
     let mut candidates: Vec<Vec<Candidate>> = vec![Vec::new(); steps + 1];
     for (i, track) in scene.tracks.iter().enumerate() {

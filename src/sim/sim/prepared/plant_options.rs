@@ -12,7 +12,7 @@ use super::body::Size;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "WrittenPlant")]
 pub struct PlantOptions {
-    /// Full throttle on a straight road, m/s².
+    /// Acceleration at full throttle on a straight road, m/s².
     pub engine_mps2: f64,
     /// Deceleration at half brake, m/s²; up to there it grows in proportion to the pedal.
     pub half_brake_mps2: f64,
@@ -20,26 +20,26 @@ pub struct PlantOptions {
     pub full_brake_mps2: f64,
     /// Largest lateral acceleration the tyres hold, m/s².
     pub grip_mps2: f64,
-    /// What a bend costs in speed.
+    /// Loss of speed in a bend.
     pub cornering_loss: CorneringLoss,
-    /// How fast traffic is that turns reactive.
+    /// Speed of traffic when it turns reactive.
     pub follower_start: FollowerStart,
-    /// What drivers by IDM take for an obstacle.
+    /// The rule by which drivers by IDM see an obstacle.
     pub obstacle: Obstacle,
-    /// How large the ego is.
+    /// Size of the ego.
     pub ego_box: EgoBox,
-    /// How large everybody else is. Absent from what is written where it is as recorded.
+    /// Size of everybody else. Not written where it is as recorded.
     #[serde(skip_serializing_if = "TrafficBoxes::is_recorded")]
     pub traffic_boxes: TrafficBoxes,
-    /// How the ego's car moves. Absent where it is a single-track model.
+    /// Motion of the ego's car. Not written where it is a single-track model.
     #[serde(skip_serializing_if = "EgoCar::is_single_track")]
     pub ego_car: EgoCar,
-    /// How the ego's car brakes while it settles at the beginning. Absent where it does as ever after.
+    /// Brakes of the ego's car while it settles at the beginning. Not written where they are the same as later.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub settling: Option<Settling>,
 }
 
-/// How fast a recorded vehicle is when it turns reactive.
+/// Speed of a recorded vehicle when it turns reactive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FollowerStart {
@@ -55,20 +55,20 @@ pub enum FollowerStart {
 pub enum Obstacle {
     /// Its box reaches into the path.
     Reaches,
-    /// One of its corners lies in the path: MetaDrive, which overlooks what stands across the whole path.
+    /// One of its corners lies in the path: MetaDrive, which overlooks an object that stands across the whole path.
     Corner,
-    /// The same in a lane that bends as the path does, less than 20 m ahead along it as well: MetaDrive to the letter.
+    /// The same in a lane that bends as the path does, less than 20 m ahead along it as well: exactly as MetaDrive does.
     Lane,
 }
 
-/// How the ego's car moves.
+/// Motion of the ego's car.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EgoCar {
     /// A single-track model with the limits above; IDM's wheels follow its wishes with a lag.
     #[default]
     SingleTrack,
-    /// MetaDrive's: a body on four sprung wheels, whose floor, loads and tyres decide what a pedal and a steering wheel do. IDM steers it
+    /// MetaDrive's: a body on four sprung wheels, where floor, loads and tyres decide the effect of pedal and steering wheel. IDM steers it
     /// as in MetaDrive, by the jumps of its lane's heading, and sees it a physics step late. Pedals are those of `engine_mps2` and the
     /// brakes above; `cornering_loss` and `grip_mps2` are those of the swerves alone that are tried for `avoidable`.
     Sprung,
@@ -93,7 +93,7 @@ pub enum EgoBox {
 /// Length and width of MetaDrive's default car, metres.
 pub const METADRIVE_BOX_M: (f64, f64) = (4.515, 1.852);
 
-/// The boxes of road users besides the ego: for contact, and for what a driver takes for an obstacle.
+/// The boxes of road users besides the ego: for contact, and for obstacles of a driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TrafficBoxes {
@@ -113,7 +113,7 @@ const METADRIVE_BICYCLE_M: (f64, f64) = (1.75, 0.4);
 const METADRIVE_PEDESTRIAN_M: (f64, f64) = (0.7, 0.7);
 
 impl TrafficBoxes {
-    /// The box of a road user of this recorded length and width, metres.
+    /// Returns the box of a road user of this recorded length and width, metres.
     pub(in crate::sim) fn size(self, kind: AgentKind, length_m: f64, width_m: f64) -> Size {
         let car = || {
             let fits = METADRIVE_CARS_M.iter().find(|(longest_m, ..)| length_m <= *longest_m);
@@ -134,7 +134,7 @@ impl TrafficBoxes {
 }
 
 impl PlantOptions {
-    /// What a physicist would sign: tyres that brake and steer with 0.9 g, and lose speed in bends by their slip.
+    /// Physically sound options: tyres that brake and steer with 0.9 g, and lose speed in bends by their slip.
     pub const PHYSICAL: PlantOptions = PlantOptions {
         engine_mps2: DEFAULT_LIMITS.engine_mps2,
         half_brake_mps2: DEFAULT_LIMITS.half_brake_mps2,
@@ -164,7 +164,7 @@ impl PlantOptions {
         settling: None,
     };
 
-    /// What a car can do.
+    /// Returns the limits of a car.
     pub fn limits(&self) -> Limits {
         Limits {
             engine_mps2: self.engine_mps2,
@@ -177,7 +177,7 @@ impl PlantOptions {
         }
     }
 
-    /// The options that have bounds: name, value, lowest and highest.
+    /// Returns the options that have bounds: name, value, lowest and highest.
     pub(in crate::sim) fn bounds(&self) -> Vec<(&'static str, f64, f64, f64)> {
         let mut bounds = vec![
             ("plant.engine_mps2", self.engine_mps2, 0.1, 20.0),

@@ -1,11 +1,11 @@
-//! Places on a ray over the drivable surface, asked for one after the other outward. Most of them lie on a piece that a
-//! place before them lies on too, so not each is looked for.
+//! Places on a ray over the drivable surface, asked for one after the other outward. Most of them lie on the same piece as
+//! an earlier place, so most need no search.
 
 use crate::kernel::Vec2;
 
 use super::drivable::Drivable;
 
-/// The road beside a vehicle is looked at every this many metres, so many times.
+/// Distance between the places looked at beside a vehicle, metres, and their number.
 const PROBE_M: f64 = 0.5;
 const PROBES: usize = 10;
 
@@ -16,17 +16,17 @@ pub(in crate::sim) struct Ray<'a> {
     direction: Vec2,
     /// The piece that held the last place.
     hint: u32,
-    /// So far the surface surely goes on, metres.
+    /// Distance up to which the surface surely goes on, metres.
     sure_m: f64,
 }
 
 impl<'a> Ray<'a> {
-    /// In a unit direction; `hint` is a piece near the first place.
+    /// Starts in a unit direction; `hint` is a piece near the first place.
     pub fn new(road: &'a Drivable, from: Vec2, direction: Vec2, hint: u32) -> Ray<'a> {
         Ray { road, from, direction, hint, sure_m: road.surely_holds_for_m(from, direction, hint) }
     }
 
-    /// Whether the surface holds the place this far along.
+    /// Returns `true` if the surface holds the place this far along.
     pub fn holds(&mut self, at_m: f64) -> bool {
         if at_m <= self.sure_m {
             return true;
@@ -38,7 +38,7 @@ impl<'a> Ray<'a> {
     }
 }
 
-/// How far the road goes on from a place in a unit direction, metres, in steps of [`PROBE_M`]; 0 where the place is no road.
+/// Returns how far the road goes on from a place in a unit direction, metres, in steps of [`PROBE_M`]; 0 where the place is off the road.
 /// `hint` is a piece near the place, and becomes one that holds it.
 pub(in crate::sim) fn room_m(road: &Drivable, from: Vec2, side: Vec2, hint: &mut u32) -> f64 {
     let Some(sure_m) = road.holds_for_m(from, side, hint) else { return 0.0 };
@@ -46,7 +46,7 @@ pub(in crate::sim) fn room_m(road: &Drivable, from: Vec2, side: Vec2, hint: &mut
     room_by_places_m(|at_m| ray.holds(at_m))
 }
 
-/// What [`room_m`] is of a place on the road, by what `holds` says of places beside it.
+/// Computes [`room_m`] for a place on the road. `holds` tells if a place beside it is on the road.
 fn room_by_places_m(mut holds: impl FnMut(f64) -> bool) -> f64 {
     (1..=PROBES).take_while(|probe| holds(*probe as f64 * PROBE_M)).count() as f64 * PROBE_M
 }

@@ -1,5 +1,5 @@
-//! Who is where at a step: the recorded road users of a scene ordered by step, then x, then track, so that who is near a
-//! place is found by a search instead of a walk through everyone. Velocities and headings stay in the scene.
+//! Places of the recorded road users at each step: ordered by step, then x, then track, so that those near a place are
+//! found by a search instead of a walk through everyone. Velocities and headings stay in the scene.
 
 use std::sync::Arc;
 
@@ -32,7 +32,7 @@ pub(in crate::sim) struct Rows {
 }
 
 impl Rows {
-    /// Of a scene that was checked.
+    /// Makes the rows of a scene that was checked.
     pub fn new(scene: Arc<Scene>, sizes: &[Size]) -> Rows {
         let (first, steps, tracks) = (scene.ego.start_step, scene.steps, scene.tracks.len());
         let observed = |t: &crate::scene::Track| t.samples.iter().skip(first).flatten().count();
@@ -90,7 +90,7 @@ impl Rows {
         Place { position: Vec2::new(self.x[row], self.y[row]), axis: self.axis[row] }
     }
 
-    /// The sample behind a row of the k-th simulated step.
+    /// Returns the sample behind a row of the k-th simulated step.
     pub fn sample(&self, k: usize, row: usize) -> &Sample {
         let track = &self.scene.tracks[self.track[row] as usize];
         let Some(sample) = track.at(self.scene.ego.start_step + k) else {
@@ -106,7 +106,7 @@ impl Rows {
         }
     }
 
-    /// Rows of the k-th simulated step whose x lies within `radius_m` of `x`, in order.
+    /// Returns the rows of the k-th simulated step whose x lies within `radius_m` of `x`, in order.
     pub fn strip(&self, k: usize, x: f64, radius_m: f64) -> std::ops::Range<usize> {
         let all = self.of_step(k);
         let xs = &self.x[all.clone()];
@@ -115,7 +115,7 @@ impl Rows {
         all.start + from..all.start + from + count
     }
 
-    /// The row of a track at the k-th simulated step.
+    /// Returns the row of a track at the k-th simulated step.
     pub fn find(&self, k: usize, track: TrackIx) -> Option<usize> {
         match self.row_of.get(k * self.tracks + track) {
             Some(&row) if track < self.tracks && row != NONE => Some(row as usize),
@@ -123,12 +123,12 @@ impl Rows {
         }
     }
 
-    /// The row of the same road user one step later.
+    /// Returns the row of the same road user one step later.
     pub fn next(&self, k: usize, row: usize) -> Option<usize> {
         self.find(k + 1, self.track[row] as usize)
     }
 
-    /// Where the recorded road user of a row of the k-th step is at the step's end: its next sample, or coasting if it
+    /// Returns the place at the k-th step's end of the recorded road user of a row: its next sample, or coasting if it
     /// has none.
     pub fn next_place(&self, k: usize, row: usize) -> Place {
         match self.next(k, row) {

@@ -1,4 +1,4 @@
-//! A piece of a line on the ground with the rectangle around it, to see quickly what cannot meet it.
+//! A piece of a line on the ground with the rectangle around it, which quickly excludes pieces that cannot meet it.
 
 use crate::kernel::geom::segments_cross;
 use crate::kernel::{Extent, Vec2};
@@ -16,12 +16,12 @@ impl Segment {
         Segment { from, to, extent: Extent::around([from, to]) }
     }
 
-    /// Whether the rectangle around it meets another.
+    /// Returns `true` if the rectangle around it meets another.
     pub fn meets(&self, other: &Extent) -> bool {
         self.extent.meets(other)
     }
 
-    /// Whether a step crosses it. A place on the line belongs to its right side, so that a line is crossed once.
+    /// Returns `true` if a step crosses it. A place on the line belongs to its right side, so that a line is crossed once.
     pub fn is_crossed(&self, step: &Segment) -> bool {
         self.meets(&step.extent) && segments_cross(step.from, step.to, self.from, self.to)
     }

@@ -16,8 +16,8 @@ use super::obedience::Obedience;
 use super::skills::{self, EgoForecast, SKILL_STEPS, Skill};
 use super::triggered::{Moved, Play, standing};
 
-/// Who was outside the ego's path this long before the contact has cut in, decision steps (2 s): so far back
-/// places are kept.
+/// Time before the contact, in decision steps (2 s), at which a road user was still outside the ego's path if it has cut in:
+/// places are kept so far back.
 pub const CUT_IN_STEPS: usize = 20;
 
 /// How a simulated road user finds its next pose.
@@ -31,7 +31,7 @@ pub(in crate::sim) enum Mind {
     Triggered(Box<Play>),
     /// Follows an action's samples until its law takes over, then the law.
     Law(Box<Obedience>),
-    /// Keeps its velocity: nothing is known of what it would do.
+    /// Keeps its velocity: its own behaviour is not known.
     Coasts,
     /// Follows the path of a candidate (step of appearance, place in its list) by IDM.
     Path { born: usize, index: usize, along: Along, speed_mps: f64, throttle: f64 },
@@ -42,21 +42,21 @@ pub(in crate::sim) enum Mind {
 pub(in crate::sim) struct Actor {
     pub who: ActorRef,
     pub size: Size,
-    /// Place in the intervention's actions, for adversaries.
+    /// Index in the intervention's actions, for adversaries.
     pub action: Option<usize>,
     pub mind: Mind,
-    /// At the present decision step; `None` while it is not there.
+    /// Sample at the present decision step; `None` while it is not there.
     pub now: Option<Sample>,
     /// Unit heading vector of `now`.
     pub axis: Vec2,
-    /// At the next one.
+    /// Sample at the next decision step.
     pub next: Option<Sample>,
     next_axis: Vec2,
-    /// Places at the present step and after each physics step; meaningful while `now` is something.
+    /// Places at the present step and after each physics step; meaningful while `now` is `Some`.
     pub places: [Place; SUBSTEPS + 1],
-    /// Radius of the box plus the way it takes in this step, metres.
+    /// Radius of the box plus its way in this step, metres.
     pub reach_m: f64,
-    /// The last places, the present one left out.
+    /// Last places, without the present one.
     trail: Trail,
 }
 
@@ -67,7 +67,7 @@ struct Trail {
     next: usize,
 }
 
-/// The adversaries of an intervention, checked, in the order of its actions.
+/// Returns the adversaries of an intervention, checked, in the order of its actions.
 pub(in crate::sim) fn adversaries(
     plant: &Plant,
     intervention: &Intervention,
@@ -159,7 +159,7 @@ fn check(plant: &Plant, i: usize, action: &Action) -> Result<(), SimError> {
     }
 }
 
-/// First step at which an action changes something.
+/// Returns the first step at which an action changes something.
 pub(in crate::sim) fn first_change(action: &Action) -> usize {
     match *action {
         Action::Follow { from_step, .. }
@@ -171,7 +171,7 @@ pub(in crate::sim) fn first_change(action: &Action) -> usize {
     }
 }
 
-/// What an action's script says about the k-th simulated step; `None` while the road user is not there.
+/// Returns the sample of an action's script at the k-th simulated step; `None` while the road user is not there.
 pub(in crate::sim) fn scripted(plant: &Plant, action: &Action, k: usize) -> Option<Sample> {
     let step = plant.first_step() + k;
     let held = |samples: &[Sample], from: usize| {
@@ -196,7 +196,7 @@ pub(in crate::sim) fn scripted(plant: &Plant, action: &Action, k: usize) -> Opti
     }
 }
 
-/// Sets those off whose trigger holds at the present step.
+/// Sets off the scripts whose trigger holds at the present step.
 pub(in crate::sim) fn set_off(actors: &mut [Actor], intervention: &Intervention, ego: &EgoForecast) {
     for own in 0..actors.len() {
         let Some(Action::Triggered(script)) = actors[own].action.map(|a| &intervention.actions[a]) else { continue };
@@ -227,7 +227,7 @@ impl Actor {
         }
     }
 
-    /// Traffic that turns reactive: a candidate at its first row.
+    /// Makes traffic that turns reactive: a candidate at its first row.
     pub fn reacting(plant: &Plant, born: usize, index: usize) -> Actor {
         let candidate = &plant.candidates[born][index];
         let row = candidate.row as usize;
@@ -252,7 +252,7 @@ impl Actor {
         }
     }
 
-    /// Works out the next pose and the places in between. `k` is the present simulated step.
+    /// Computes the next pose and the places in between. `k` is the present simulated step.
     pub fn plan(&mut self, plant: &Plant, intervention: &Intervention, k: usize, ego: &EgoForecast) {
         let action = self.action.map(|a| &intervention.actions[a]);
         if let (Some(Action::FollowThenReact { handover_step, .. }), Mind::Script, Some(now)) =
@@ -340,7 +340,7 @@ impl Actor {
         self.reach_m = self.size.radius_m + way.sqrt();
     }
 
-    /// Takes the pose after `substeps` physics steps from whoever moves it; it coasts to where it is not told.
+    /// Takes the pose after `substeps` physics steps from a report; coasts where the report has none.
     pub fn plan_as_reported(&mut self, next: Option<(Sample, Vec2)>, substeps: usize) {
         self.next = next.map(|(sample, _)| sample);
         self.next_axis = next.map_or(self.axis, |(_, axis)| axis);
@@ -354,7 +354,7 @@ impl Actor {
         self.measure_reach();
     }
 
-    /// Lets our own rules move it on from where it was told to be: by its script, by IDM along a path of its recording, or
+    /// Lets our own rules move it on from its reported place: by its script, by IDM along a path of its recording, or
     /// straight on where there is neither.
     pub fn hand_over(&mut self, plant: &Plant, k: usize) {
         let (ActorRef::Track(track), None, Some(now)) = (self.who, self.action, &self.now) else { return };
@@ -372,7 +372,7 @@ impl Actor {
         });
     }
 
-    /// Places between the present sample and the next; a road user that leaves coasts until then.
+    /// Interpolates between the present sample and the next; a road user that leaves coasts until then.
     fn interpolate(&mut self) {
         self.next_axis = self.next.as_ref().map_or(self.axis, |s| Vec2::from_heading(s.heading_rad));
         let Some(now) = &self.now else { return };
@@ -386,12 +386,12 @@ impl Actor {
         }
     }
 
-    /// The sample after a physics step of the present step.
+    /// Returns the sample after a physics step of the present step.
     pub fn during(&self, substep: usize) -> Option<Sample> {
         self.now.as_ref().map(|now| sample_during(now, self.next.as_ref(), &self.places[substep], substep))
     }
 
-    /// The step at which reactive traffic appeared.
+    /// Returns the step at which reactive traffic appeared.
     pub fn born(&self) -> Option<usize> {
         match self.mind {
             Mind::Path { born, .. } => Some(born),
@@ -407,7 +407,7 @@ impl Actor {
         self.now.as_ref().map(|now| Place { position: now.position, axis: self.axis })
     }
 
-    /// Where it was some steps ago, at most [`CUT_IN_STEPS`]; `None` if it was not there.
+    /// Returns its place some steps ago, at most [`CUT_IN_STEPS`]; `None` if it was not there.
     pub fn place_before(&self, steps: usize) -> Option<Place> {
         match steps {
             0 => self.place(),
@@ -424,7 +424,7 @@ impl Actor {
     }
 }
 
-/// Pose on a path: the heading is that of the chord under the wheels, so it turns smoothly.
+/// Returns the pose on a path: the heading is that of the chord under the wheels, so it turns smoothly.
 fn on_path(path: &Path, along: &Along, speed_mps: f64, half_length_m: f64) -> Sample {
     let wheel_m = 0.5 * half_length_m;
     let chord = path.at(along.s_m + wheel_m, along.segment) - path.at(along.s_m - wheel_m, along.segment);

@@ -1,5 +1,5 @@
-//! Kinematic single-track model about the centre of the box, with the limits of MetaDrive's default car. Of tyres it
-//! knows a grip limit and what a bend costs.
+//! Kinematic single-track model about the centre of the box, with the limits of MetaDrive's default car. Its tyres have
+//! a grip limit, and bends cost speed.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,24 +7,24 @@ use crate::kernel::{Vec2, num};
 use crate::scene::{DT_S, Sample};
 use crate::sim::prepared::body::{Place, SUBSTEP_S, SUBSTEPS};
 
-/// What a car can do at most.
+/// Limits of a car.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Largest angle of the front wheels to either side, radians.
     pub steering_rad: f64,
     /// Top speed, m/s.
     pub speed_mps: f64,
-    /// Full throttle, m/s².
+    /// Acceleration at full throttle, m/s².
     pub engine_mps2: f64,
-    /// Half brake, m/s².
+    /// Deceleration at half brake, m/s².
     pub half_brake_mps2: f64,
-    /// Full brake, m/s².
+    /// Deceleration at full brake, m/s².
     pub brake_mps2: f64,
     /// Largest lateral acceleration the tyres hold, m/s²; beyond it the car understeers.
     pub grip_mps2: f64,
-    /// What a bend costs in speed.
+    /// Loss of speed in a bend.
     pub cornering_loss: CorneringLoss,
-    /// How the car brakes at the beginning of an episode, where that differs.
+    /// Brakes at the beginning of an episode, where they differ.
     pub settling: Option<Settling>,
 }
 
@@ -33,14 +33,14 @@ pub struct Limits {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settling {
-    /// How long that lasts, s.
+    /// Duration of the settling, s.
     pub seconds: f64,
     /// Full brake during that time, m/s².
     pub full_brake_mps2: f64,
 }
 
 impl Limits {
-    /// The limits so many decision steps after the beginning of an episode.
+    /// Returns the limits so many decision steps after the beginning of an episode.
     pub fn at_step(&self, k: usize) -> Limits {
         match self.settling {
             Some(Settling { seconds, full_brake_mps2 }) if (k as f64) * DT_S < seconds - 1e-9 => {
@@ -51,7 +51,7 @@ impl Limits {
     }
 }
 
-/// What a bend costs, as a deceleration.
+/// Loss of speed in a bend, as a deceleration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "law", rename_all = "snake_case", deny_unknown_fields)]
 pub enum CorneringLoss {
@@ -62,7 +62,7 @@ pub enum CorneringLoss {
         /// `c`: cornering stiffness over load, 1/rad. About 9.2 (0.16 per degree) for a passenger car's radial tyres.
         cornering_coefficient: f64,
     },
-    /// This share of `|v yaw rate| sin |δ|`: what a fit to MetaDrive at full throttle gives.
+    /// This share of `|v yaw rate| sin |δ|`: the result of a fit to MetaDrive at full throttle.
     Steering {
         /// The share, 0 to 2.
         share: f64,
@@ -72,11 +72,11 @@ pub enum CorneringLoss {
     /// lose drive, and push along their own axle alone: turned by `δ` they have the grip `cos δ` to turn the car with. Measured on
     /// MetaDrive's car (docs/PLANT.md).
     Skid {
-        /// While the wheels hold, 0 to 2.
+        /// Share while the wheels hold, 0 to 2.
         share: f64,
-        /// What wheels cost more that slide altogether, 0 to 4.
+        /// Additional loss of wheels that slide altogether, 0 to 4.
         skid: f64,
-        /// Part of the drive that they lose then, 0 to 1.
+        /// Part of the drive that wheels lose when they slide altogether, 0 to 1.
         drive: f64,
         /// Lateral acceleration at which they begin to slide, m/s².
         holds_mps2: f64,
@@ -97,13 +97,13 @@ pub const DEFAULT_LIMITS: Limits = Limits {
 };
 
 const GRAVITY_MPS2: f64 = 9.81;
-/// A waypoint nearer than this is reached: the wheels go straight, metres.
+/// Distance up to which a waypoint is reached, so that the wheels go straight, metres.
 const REACHED_M: f64 = 0.5;
 
 // Axle offsets of MetaDrive's default car (1.05234 m front, 1.4166 m rear) as shares of its length 4.515 m.
-/// From the middle of the box to the front axle, as a share of its length.
+/// Distance from the middle of the box to the front axle, as a share of its length.
 pub const FRONT_SHARE: f64 = 1.05234 / 4.515;
-/// From the rear axle to the middle of the box.
+/// Distance from the rear axle to the middle of the box, likewise.
 pub const REAR_SHARE: f64 = 1.4166 / 4.515;
 
 /// A car in motion. It never drives backwards.
@@ -111,7 +111,7 @@ pub const REAR_SHARE: f64 = 1.4166 / 4.515;
 pub struct Car {
     /// The centre of its box, metres.
     pub position: Vec2,
-    /// Where it points, (-π, π].
+    /// Heading, (-π, π].
     pub heading_rad: f64,
     /// The same as a vector of length 1.
     pub axis: Vec2,
@@ -124,7 +124,7 @@ pub struct Car {
 }
 
 impl Car {
-    /// A car of some length at a sample; its speed is the velocity's share along its heading, at least 0.
+    /// Makes a car of some length at a sample; its speed is the velocity's share along its heading, at least 0.
     pub fn new(sample: &Sample, length_m: f64) -> Car {
         let axis = Vec2::from_heading(sample.heading_rad);
         Car {
@@ -138,7 +138,7 @@ impl Car {
         }
     }
 
-    /// The car that is seen there, pointing so: it slips in a bend, so that it is faster than along its heading.
+    /// Makes the car that is seen there with this axis: it slips in a bend, so it is faster than along its heading.
     pub(in crate::sim) fn seen(sample: &Sample, axis: Vec2, length_m: f64) -> Car {
         let mut car = Car { axis, ..Car::new(sample, length_m) };
         if car.speed_mps > 0.0 {
@@ -148,17 +148,17 @@ impl Car {
         car
     }
 
-    /// Its pose and velocity as a sample; the velocity points along the course.
+    /// Returns its pose and velocity as a sample; the velocity points along the course.
     pub fn sample(&self) -> Sample {
         Sample { position: self.position, heading_rad: self.heading_rad, velocity: self.course * self.speed_mps }
     }
 
-    /// Its centre and axis.
+    /// Returns its centre and axis.
     pub fn place(&self) -> Place {
         Place { position: self.position, axis: self.axis }
     }
 
-    /// Sine of the slip angle of a steering angle, as far as grip allows at this speed.
+    /// Returns the sine of the slip angle of a steering angle, as far as grip allows at this speed.
     fn slip_sine(&self, steering_rad: f64, limits: &Limits) -> f64 {
         let steering = steering_rad.clamp(-limits.steering_rad, limits.steering_rad);
         let tan_slip = num::tan(steering) * self.rear_m / (self.front_m + self.rear_m);
@@ -171,21 +171,21 @@ impl Car {
         sine.clamp(-most, most)
     }
 
-    /// Lateral acceleration of the curve to which the wheels are turned, whether or not the tyres hold it, m/s².
+    /// Returns the lateral acceleration of the curve to which the wheels are turned, m/s², even if the tyres cannot hold it.
     fn steered_mps2(&self, turned_rad: f64) -> f64 {
         let tan_slip = num::tan(turned_rad) * self.rear_m / (self.front_m + self.rear_m);
         self.speed_mps * self.speed_mps * tan_slip / (1.0 + tan_slip * tan_slip).sqrt() / self.rear_m
     }
 
-    /// The steering angle that turns the car by `curvature_1pm` (1/m, positive to the left), grip aside; the inverse of
-    /// what [`Car::drive`] does with it.
+    /// Returns the steering angle that turns the car by `curvature_1pm` (1/m, positive to the left), grip aside; the inverse of
+    /// its effect in [`Car::drive`].
     pub fn steering_for(&self, curvature_1pm: f64) -> f64 {
         let sine = (curvature_1pm * self.rear_m).clamp(-0.99, 0.99);
         let tan_slip = sine / (1.0 - sine * sine).sqrt();
         num::atan(tan_slip * (self.front_m + self.rear_m) / self.rear_m)
     }
 
-    /// The steering angle of the arc through a point; straight on where the point is reached or lies behind.
+    /// Returns the steering angle of the arc through a point; straight on where the point is reached or lies behind.
     pub fn steering_towards(&self, target: Vec2) -> f64 {
         let delta = target - self.position;
         let squared = delta.norm_squared();
@@ -195,7 +195,7 @@ impl Car {
         self.steering_for(2.0 * self.axis.cross(delta) / squared)
     }
 
-    /// How much speed the bend costs that the car drives with a slip of this sine, m/s².
+    /// Returns the loss of speed in the bend that the car drives with a slip of this sine, m/s².
     fn cornering_loss_mps2(&self, acceleration_mps2: f64, steering_rad: f64, sine: f64, limits: &Limits) -> f64 {
         let lateral_mps2 = self.speed_mps * self.speed_mps * sine.abs() / self.rear_m;
         let turned_rad = steering_rad.clamp(-limits.steering_rad, limits.steering_rad).abs();
@@ -220,14 +220,14 @@ impl Car {
         }
     }
 
-    /// Turn over way of the tightest bend that its wheels can steer, 1/m.
+    /// Returns the curvature of the tightest bend that its wheels can steer, 1/m.
     pub(in crate::sim) fn curvature_max_1pm(&self, limits: &Limits) -> f64 {
         let tan_slip = num::tan(limits.steering_rad) * self.rear_m / (self.front_m + self.rear_m);
         tan_slip / (1.0 + tan_slip * tan_slip).sqrt() / self.rear_m
     }
 
-    /// The acceleration and steering angle under which it comes to a pose after so many physics steps: the inverse of [`Car::drive`]. Where its
-    /// limits do not let it come there, these lead somewhere else.
+    /// Returns the acceleration and steering angle under which it reaches a pose after so many physics steps: the inverse of [`Car::drive`].
+    /// If its limits do not allow that, they lead somewhere else.
     pub(in crate::sim) fn controls_to(&self, next: &Sample, substeps: usize, limits: &Limits) -> (f64, f64) {
         let turn = num::wrap_angle(next.heading_rad - self.heading_rad);
         let moved = next.position - self.position;
@@ -245,14 +245,14 @@ impl Car {
             way_m = if reached_m > 1e-12 { way_m * chord_m / reached_m } else { way_m };
         }
         let steering_rad = self.steering_for(sine / self.rear_m);
-        // What the bend costs comes on top; of some laws it grows with the throttle.
+        // The loss in the bend comes on top; in some laws it grows with the throttle.
         let loss = |throttle: f64| self.cornering_loss_mps2(throttle, steering_rad, sine, limits);
         let (coasting, share) = (loss(0.0), loss(1.0) - loss(0.0));
         let wanted = acceleration + coasting;
         (if wanted > 0.0 { wanted / (1.0 - share).max(1e-9) } else { wanted }, steering_rad)
     }
 
-    /// The constant acceleration under which so long a way is driven, and this speed reached at its end.
+    /// Returns the constant acceleration under which it drives this way and has this speed at its end.
     fn acceleration_over(&self, way_m: f64, speed_mps: f64, substeps: usize, limits: &Limits) -> f64 {
         let driven_m = |acceleration: f64| {
             let (mut speed, mut driven) = (self.speed_mps, 0.0);
@@ -267,7 +267,7 @@ impl Car {
             return even;
         }
         // It stopped, or reached its top speed, on the way.
-        // Beyond the limits, too: a way that is still being looked for must not end at them.
+        // The bounds lie beyond the limits, too: the search for a way must not end at the limits.
         let (mut low, mut high) = (-2.0 * limits.brake_mps2, 2.0 * limits.engine_mps2);
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
@@ -276,7 +276,7 @@ impl Car {
         if self.speed_mps == 0.0 && way_m == 0.0 { 0.0 } else { 0.5 * (low + high) }
     }
 
-    /// One decision step under constant controls: the car after each physics step.
+    /// Drives one decision step under constant controls, and returns the car after each physics step.
     pub fn drive(&self, acceleration_mps2: f64, steering_rad: f64, limits: &Limits) -> [Car; SUBSTEPS] {
         let acceleration = acceleration_mps2.clamp(-limits.brake_mps2, limits.engine_mps2);
         let sine = self.slip_sine(steering_rad, limits);
@@ -296,7 +296,7 @@ impl Car {
         })
     }
 
-    /// Midpoint step: the centre runs along the chord of its arc.
+    /// Does a midpoint step: the centre runs along the chord of its arc.
     fn substep(&mut self, acceleration: f64, sine: f64, cosine: f64, limits: &Limits) {
         let (speed, distance) = advance(self.speed_mps, acceleration, limits.speed_mps, SUBSTEP_S);
         let turn = distance * sine / self.rear_m;
@@ -310,7 +310,7 @@ impl Car {
     }
 }
 
-/// Speed and distance after `seconds` of constant acceleration: stops at 0, gains nothing beyond `most_mps`.
+/// Returns speed and distance after `seconds` of constant acceleration: stops at 0, gains nothing beyond `most_mps`.
 pub fn advance(speed_mps: f64, acceleration_mps2: f64, most_mps: f64, seconds: f64) -> (f64, f64) {
     let wanted = speed_mps + acceleration_mps2 * seconds;
     if wanted <= 0.0 {

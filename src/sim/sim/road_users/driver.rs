@@ -1,4 +1,4 @@
-//! What a driver under test sees and answers.
+//! The view and the decisions of a driver under test.
 
 use crate::kernel::Vec2;
 use crate::scene::{AgentKind, LaneIx, LightState, Road, Sample};
@@ -11,21 +11,21 @@ use crate::sim::prepared::plant_options::{EgoCar, Obstacle};
 use super::idm::{self, Front, SIGHT_M};
 use super::others::{Others, Seen};
 
-/// The lane of a place is not looked for farther away, metres.
+/// Largest distance at which the lane of a place is looked for, metres.
 const LANE_WITHIN_M: f64 = 50.0;
 
 /// A driver of the ego. One instance drives one rollout at a time; `begin` resets it.
 pub trait Driver {
-    /// A rollout of this scene begins: whatever was remembered of another one is forgotten.
+    /// Begins a rollout of this scene, and forgets everything of earlier ones.
     fn begin(&mut self, plant: &Plant);
 
-    /// Asked once a decision step (0.1 s).
+    /// Decides once a decision step (0.1 s).
     fn decide(&mut self, view: &View<'_>) -> Control;
 
-    /// Told once, when a rollout is over: the last state, and how it ended. For drivers that learn.
+    /// Ends a rollout: called once with the last state and the end. For drivers that learn.
     fn finish(&mut self, _: &View<'_>, _: End) {}
 
-    /// Whether it repeats the recorded motion. Traffic then does so too (nobody turns reactive) and contacts of the
+    /// Returns `true` if it repeats the recorded motion. Traffic then does so too (nobody turns reactive) and contacts of the
     /// recording count from the first step on.
     fn follows_log(&self) -> bool {
         false
@@ -37,12 +37,12 @@ pub trait Driver {
 pub enum Control {
     /// Drive; both are clamped to the car's limits. Steering is positive to the left.
     Drive {
-        /// Along the heading, m/s²; negative brakes.
+        /// Acceleration along the heading, m/s²; negative brakes.
         acceleration_mps2: f64,
         /// Angle of the front wheels, radians.
         steering_rad: f64,
     },
-    /// Be where the recording was.
+    /// Take the recorded place.
     FollowLog,
 }
 
@@ -74,27 +74,27 @@ pub struct View<'a> {
 }
 
 impl View<'_> {
-    /// Decision steps since the rollout began.
+    /// Returns the number of decision steps since the rollout began.
     pub fn decision(&self) -> usize {
         self.k
     }
 
-    /// The scene's step.
+    /// Returns the scene's step.
     pub fn step(&self) -> usize {
         self.plant.first_step() + self.k
     }
 
-    /// The ego at this step.
+    /// Returns the ego at this step.
     pub fn ego(&self) -> &EgoState {
         self.ego
     }
 
-    /// The path that the ego is to drive.
+    /// Returns the path that the ego is to drive.
     pub fn route(&self) -> &Path {
         self.plant.route()
     }
 
-    /// The scene as it was prepared.
+    /// Returns the scene as it was prepared.
     pub fn plant(&self) -> &Plant {
         self.plant
     }
@@ -105,7 +105,7 @@ impl View<'_> {
         self.world.for_each_within(self.plant, self.k, self.ego.sample.position, radius_m, |seen| f(seen));
     }
 
-    /// The nearest road user ahead on the route, as IDM sees it.
+    /// Returns the nearest road user ahead on the route, as IDM sees it.
     pub fn front(&self) -> Option<Front> {
         let obstacle = self.plant.options().plant.obstacle;
         let (path, own) = match self.plant.lane() {
@@ -123,9 +123,9 @@ impl View<'_> {
         nearest
     }
 
-    /// Whether a vehicle or cyclist has its centre in the ego's lane, within `reach_m` of the ego's and ahead of it, as SafeBench asks
-    /// CARLA's map: the lane of a place is the street or freeway lane with the nearest centre line, whatever its heading. Walkers and
-    /// things are none.
+    /// Returns `true` if a vehicle or cyclist has its centre in the ego's lane, within `reach_m` of the ego's and ahead of it, as SafeBench
+    /// asks CARLA's map: the lane of a place is the street or freeway lane with the nearest centre line, whatever its heading. Walkers
+    /// and things do not count.
     pub fn is_behind_vehicle_in_lane(&self, reach_m: f64) -> bool {
         let own = self.ego.sample.position;
         let lane_of = |point| self.plant.lanes().nearest_lane_any_heading(point, LANE_WITHIN_M).map(|place| place.lane);
@@ -141,13 +141,13 @@ impl View<'_> {
         is_behind
     }
 
-    /// The lane by which MetaDrive's driver steers, and the ego's place on it; `None` for a car that is steered by the route.
+    /// Returns the lane by which MetaDrive's driver steers, and the ego's place on it; `None` for a car that is steered by the route.
     pub fn on_lane(&self) -> Option<(&Path, Along)> {
         let lane = self.plant.lane().filter(|_| self.plant.options().plant.ego_car == EgoCar::Sprung)?;
         Some((lane, beside(lane, self.ego.sample.position)))
     }
 
-    /// Metres along the route to the nearest stop point ahead whose light is red.
+    /// Returns the metres along the route to the nearest stop point ahead whose light is red.
     pub fn red_light_m(&self) -> Option<f64> {
         let mut nearest = None;
         for light in &self.plant.lights {
@@ -161,13 +161,13 @@ impl View<'_> {
     }
 }
 
-/// MetaDrive looks along the whole lane for the nearest piece.
+/// Looks along the whole lane for the nearest piece, as MetaDrive does.
 fn beside(lane: &Path, point: Vec2) -> Along {
     lane.on_line_of(&lane.project(point), point)
 }
 
-/// Whether two lanes are one to CARLA, which compares road and lane: the sections into which OpenDRIVE cuts a road, `road/section/lane`
-/// in an id, do not count.
+/// Returns `true` if two lanes are one to CARLA, which compares road and lane: the sections into which OpenDRIVE cuts a road,
+/// `road/section/lane` in an id, do not count.
 fn is_one_lane(road: &Road, a: LaneIx, b: LaneIx) -> bool {
     let named = |lane: LaneIx| {
         let (road, rest) = road.lanes.get(lane)?.id.split_once('/')?;

@@ -1,7 +1,7 @@
 //! Car following and path following of MetaDrive's `TrajectoryIDMPolicy`, shared by the IDM ego and by reactive
 //! traffic.
 //!
-//! Kept quirks: speeds enter the law in km/h while distances are metres, so the wanted gap is 3.6 times what its
+//! Kept quirks: speeds enter the law in km/h while distances are metres, so the wanted gap is 3.6 times the one that its
 //! constants suggest; the gap runs from centre to centre; nothing farther than 20 m is seen; the law's result is a
 //! throttle in [-1, 1], not an acceleration. An object is on the path when its box reaches within half the path's width
 //! (1 m) in the tangent frame at its centre; MetaDrive asks for a corner there, which can be had as an option
@@ -16,9 +16,9 @@ use super::bicycle::Limits;
 
 /// Constants of the law (MetaDrive `IDMPolicy` and `TrajectoryIDMPolicy`).
 pub const DISTANCE_WANTED_M: f64 = 10.0;
-/// Wanted time to whoever is ahead; it is multiplied by a speed in km/h, see above.
+/// Wanted time to the road user ahead; it is multiplied by a speed in km/h, see above.
 pub const TIME_WANTED: f64 = 1.5;
-/// How sharply the free acceleration falls off as the wanted speed comes near.
+/// Sharpness with which the free acceleration falls off as the wanted speed comes near.
 pub const EXPONENT: u32 = 10;
 /// The law's acceleration, as a throttle.
 pub const ACCELERATION_FACTOR: f64 = 1.0;
@@ -26,28 +26,28 @@ pub const ACCELERATION_FACTOR: f64 = 1.0;
 pub const DECELERATION_FACTOR: f64 = 5.0;
 /// Wanted speed of reactive traffic, and of the ego where its scene gives none, km/h.
 pub const NORMAL_SPEED_KMPH: f64 = 40.0;
-/// Farther objects are not seen, metres from centre to centre.
+/// Largest distance at which objects are seen, metres from centre to centre.
 pub const SIGHT_M: f64 = 20.0;
 /// Half the width of the followed path, metres.
 pub const HALF_PATH_WIDTH_M: f64 = 1.0;
-/// Traffic that comes this near to the end of its path leaves, metres.
+/// Distance from the end of its path at which traffic leaves, metres.
 pub const DESTINATION_M: f64 = 2.0;
 
-/// The lane around a path begins so far before it, and ends as far beyond its end, metres.
+/// Length of the lane around a path before its beginning and beyond its end, metres.
 const LANE_BEYOND_M: f64 = 1.0;
 
 const KMPH: f64 = 3.6;
 
-/// What is ahead on the path.
+/// The object ahead on the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Front {
-    /// Along the path from centre to centre, metres; positive.
+    /// Distance along the path from centre to centre, metres; positive.
     pub gap_m: f64,
-    /// Of whoever is ahead, m/s.
+    /// Velocity of the object ahead, m/s.
     pub velocity: Vec2,
 }
 
-/// The law: throttle (positive) or brake (negative), at most 1, unclamped below.
+/// Evaluates the law: throttle (positive) or brake (negative), at most 1, unclamped below.
 pub fn throttle(speed_mps: f64, velocity: Vec2, axis: Vec2, target_kmph: f64, front: Option<&Front>) -> f64 {
     let free = ACCELERATION_FACTOR * (1.0 - num::powu(KMPH * speed_mps.max(0.0) / target_kmph, EXPONENT));
     let Some(front) = front else { return free };
@@ -58,7 +58,7 @@ pub fn throttle(speed_mps: f64, velocity: Vec2, axis: Vec2, target_kmph: f64, fr
     free - ACCELERATION_FACTOR * ratio * ratio
 }
 
-/// A throttle in [-1, 1] as an acceleration of a car, m/s². Brakes grow in proportion to the pedal up to half of it, and
+/// Returns a throttle in [-1, 1] as an acceleration of a car, m/s². Brakes grow in proportion to the pedal up to half of it, and
 /// from there to full.
 pub fn acceleration_mps2(throttle: f64, limits: &Limits) -> f64 {
     let pedal = throttle.clamp(-1.0, 1.0);
@@ -72,7 +72,7 @@ pub fn acceleration_mps2(throttle: f64, limits: &Limits) -> f64 {
     }
 }
 
-/// The pedal in [-1, 1] that gives this acceleration, m/s²: [`acceleration_mps2`] backwards.
+/// Returns the pedal in [-1, 1] that gives this acceleration, m/s²: the inverse of [`acceleration_mps2`].
 pub(in crate::sim) fn pedal(acceleration_mps2: f64, limits: &Limits) -> f64 {
     if acceleration_mps2 >= 0.0 {
         return (acceleration_mps2 / limits.engine_mps2).min(1.0);
@@ -86,7 +86,7 @@ pub(in crate::sim) fn pedal(acceleration_mps2: f64, limits: &Limits) -> f64 {
     }
 }
 
-/// How far ahead of `own` along the path an object is, if it is on the path. What lies beyond the path's end is on it
+/// Returns how far ahead of `own` along the path an object is, if it is on the path. An object beyond the path's end is on it
 /// if its box reaches back over the end.
 pub fn gap_on_path(
     route: &Path,
@@ -118,8 +118,8 @@ pub fn gap_on_path(
     is_on_path.then_some(gap_m)
 }
 
-/// The same as MetaDrive has it: on the path is who has a corner in the lane around it, which bends as the path does, and is nearer
-/// than [`SIGHT_M`] along it, too.
+/// Does the same as MetaDrive does: an object is on the path if it has a corner in the lane around it, which bends as the path does,
+/// and is nearer than [`SIGHT_M`] along it, too.
 fn gap_in_lane(lane: &Path, own: &Along, position: Vec2, axis: Vec2, size: &Size) -> Option<f64> {
     let near = lane.project_near(position, own, SIGHT_M, 2.0 * SIGHT_M);
     if near.offset_m.abs() > size.radius_m + HALF_PATH_WIDTH_M {
@@ -138,8 +138,8 @@ fn gap_in_lane(lane: &Path, own: &Along, position: Vec2, axis: Vec2, size: &Size
     is_in_lane.then_some(gap_m)
 }
 
-/// Puts an object in the place of `nearest` if it is on the path and nearer; the first of equals stays. Its velocity is
-/// asked for only then.
+/// Puts an object in the place of `nearest` if it is on the path and nearer; the first of equals stays. Only then its
+/// velocity is fetched.
 #[allow(clippy::too_many_arguments)]
 pub(in crate::sim) fn nearer(
     nearest: &mut Option<Front>,

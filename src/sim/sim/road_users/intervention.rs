@@ -1,4 +1,4 @@
-//! What a compiled program asks of the simulator: the only way to change a scene. It can move others, never
+//! The changes that a compiled program makes in the simulator: the only way to change a scene. It can move others, never
 //! the ego, the road or the metrics.
 
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,7 @@ use crate::scene::{AgentKind, Sample, TrackIx};
 /// Everything that is done to a scene in one rollout. Empty means plain log replay.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Intervention {
-    /// One a road user; their order is that of the adversaries everywhere.
+    /// Actions, one a road user; their order is that of the adversaries everywhere.
     pub actions: Vec<Action>,
 }
 
@@ -21,16 +21,16 @@ pub enum Action {
     /// An existing track follows `samples` from `from_step` on (`samples[0]` lies at `from_step`); when they end
     /// it keeps its last velocity.
     Follow {
-        /// The track, by its position in the scene.
+        /// The track, by its index in the scene.
         track: TrackIx,
         /// Step of the scene.
         from_step: usize,
-        /// One a decision step, at least one.
+        /// Samples, one a decision step, at least one.
         samples: Vec<Sample>,
     },
     /// A new road user appears at `from_step` and follows `samples`; it leaves when they end.
     Insert {
-        /// What sort of road user it is.
+        /// The sort of road user.
         kind: AgentKind,
         /// Length of its box, metres, above 0 and at most 100.
         length_m: f64,
@@ -38,17 +38,17 @@ pub enum Action {
         width_m: f64,
         /// Step of the scene.
         from_step: usize,
-        /// One a decision step, at least one.
+        /// Samples, one a decision step, at least one.
         samples: Vec<Sample>,
     },
     /// An existing track follows `samples` from `from_step`, then at `handover_step` turns reactive: every second it
     /// takes the motion primitive that brings it nearest to the ego (SEAL's skills).
     FollowThenReact {
-        /// The track, by its position in the scene.
+        /// The track, by its index in the scene.
         track: TrackIx,
         /// Step of the scene.
         from_step: usize,
-        /// One a decision step, at least one.
+        /// Samples, one a decision step, at least one.
         samples: Vec<Sample>,
         /// Step of the scene, from `from_step` to the last.
         handover_step: usize,
@@ -56,13 +56,13 @@ pub enum Action {
     /// An existing track follows `samples` from `from_step` until its law takes over; from then on it obeys the law along
     /// the path of the samples.
     FollowThenObey {
-        /// The track, by its position in the scene.
+        /// The track, by its index in the scene.
         track: TrackIx,
         /// Step of the scene.
         from_step: usize,
-        /// One a decision step, at least one.
+        /// Samples, one a decision step, at least one.
         samples: Vec<Sample>,
-        /// What it does from its onset on.
+        /// The law that it obeys from its onset on.
         law: Law,
     },
     /// A new road user stands somewhere from the first step on and does what its script says once the ego comes near
@@ -70,12 +70,12 @@ pub enum Action {
     Triggered(Script),
 }
 
-/// Who a road user of a rollout is.
+/// A road user of a rollout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ActorRef {
-    /// A track of the scene, by its position.
+    /// A track of the scene, by its index.
     Track(TrackIx),
-    /// Position among the intervention's inserted road users.
+    /// Index among the intervention's inserted road users.
     Inserted(usize),
 }

@@ -1,16 +1,16 @@
-//! Laws: what an adversary does from a step on, as formulas over what it observes then. Data like everything else of an
+//! Laws: an adversary's behaviour from a step on, as formulas over its observations at that step. Data like everything else of an
 //! intervention: the simulator carries them out under the limits of its bicycle.
 //!
-//! Every formula is total (`kernel::total`): a value that is no number is read as 0, one that is too large as the bound. What
-//! comes out is clamped once more: the acceleration to what brakes and engine give, the offset to [`OFFSET_M_MAX`].
+//! Every formula is total (`kernel::total`): NaN is read as 0, and a value that is too large as the bound. The
+//! result is clamped once more: the acceleration to that of brakes and engine, the offset to [`OFFSET_M_MAX`].
 
 use serde::{Deserialize, Serialize};
 
 use crate::kernel::Formula;
 
-/// An offset beyond this is cut, metres: two lanes.
+/// Largest offset, metres: two lanes. Larger ones are cut.
 pub const OFFSET_M_MAX: f64 = 8.0;
-/// The line that is steered for moves sideways no faster than this, m/s.
+/// Largest sideways speed of the line that is steered for, m/s.
 pub const OFFSET_MPS_MAX: f64 = 2.0;
 /// Time that stands for "never", s.
 pub const NEVER_S: f64 = 20.0;
@@ -19,7 +19,7 @@ pub const FAR_M: f64 = 50.0;
 /// Distance that stands for "the paths never meet", metres.
 pub const NO_CONFLICT_M: f64 = 200.0;
 
-/// What an adversary does from a step on. Places in its formulas are those of [`Observed::ALL`].
+/// An adversary's behaviour from a step on. Places in its formulas are those of [`Observed::ALL`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Law {
@@ -27,35 +27,35 @@ pub struct Law {
     /// followed. Without it: at once.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub onset: Option<Formula>,
-    /// Along its heading, m/s².
+    /// Acceleration along its heading, m/s².
     pub acceleration: Formula,
-    /// How far to the left of the path of the samples it aims to drive, metres; without it on that path.
+    /// Offset to the left of the path of the samples that it aims at, metres; without it, the path itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset: Option<Formula>,
 }
 
-/// What an adversary observes at a decision step.
+/// A value that an adversary observes at a decision step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Observed {
     /// Time since the law took over, s; 0 before.
     SinceOnset,
     /// Its own speed, m/s.
     OwnSpeed,
-    /// Left of the path of its samples, metres.
+    /// Distance to the left of the path of its samples, metres.
     OwnPathLeft,
-    /// To the left of the centre of the nearest lane of its direction, metres; 0 where none is near.
+    /// Distance to the left of the centre of the nearest lane of its direction, metres; 0 where none is near.
     OwnLaneOffset,
-    /// How far its outermost corner is off the road, metres.
+    /// Distance of its outermost corner off the road, metres.
     OwnOffRoad,
-    /// How far the road goes on beside its left flank, metres, in steps of 0.5 and at most 5.
+    /// Length of road beside its left flank, metres, in steps of 0.5 and at most 5.
     RoadLeft,
     /// The same beside its right flank.
     RoadRight,
-    /// What it takes to have the speed of its samples one step later, m/s².
+    /// Acceleration that gives it the speed of its samples one step later, m/s².
     PlannedAcceleration,
     /// Distance box to box to the ego, metres.
     SeenGap,
-    /// How fast the ego's centre comes nearer, m/s.
+    /// Speed at which the ego's centre comes nearer, m/s.
     SeenClosing,
     /// Time to collision with the ego at constant velocities, s; at most [`NEVER_S`].
     SeenTtc,
@@ -65,9 +65,9 @@ pub enum Observed {
     SeenEgoAcceleration,
     /// The ego's heading relative to its own, radians, (-π, π].
     SeenEgoHeading,
-    /// How far ahead of it the ego's centre is, metres; negative behind.
+    /// Distance of the ego's centre ahead of it, metres; negative behind.
     SeenEgoAhead,
-    /// How far to its left the ego's centre is, metres.
+    /// Distance of the ego's centre to its left, metres.
     SeenEgoLeft,
     /// The ego's way along its route to where both paths meet, metres; [`NO_CONFLICT_M`] where they never do.
     EgoToConflict,
@@ -77,14 +77,14 @@ pub enum Observed {
     OthersGap,
     /// The same among those that are in its way ahead.
     OthersAheadGap,
-    /// Which of the adversaries it is, from 0.
+    /// Index among the adversaries, from 0.
     AdversaryIndex,
-    /// How many adversaries there are.
+    /// Number of adversaries.
     AdversaryCount,
 }
 
 impl Observed {
-    /// In the order of their places.
+    /// All values, in the order of their places.
     pub const ALL: [Observed; 22] = [
         Observed::SinceOnset,
         Observed::OwnSpeed,
@@ -110,7 +110,7 @@ impl Observed {
         Observed::AdversaryCount,
     ];
 
-    /// The word in expressions; the unit stands last in it.
+    /// Returns the word in expressions, which ends with the unit.
     pub fn name(self) -> &'static str {
         match self {
             Observed::SinceOnset => "since_onset_s",
@@ -142,7 +142,7 @@ impl Observed {
 /// The values of [`Observed::ALL`].
 pub type Observation = [f64; Observed::ALL.len()];
 
-/// Which of them a law reads: the others are left 0, for some cost time.
+/// The values that a law reads: the others are left 0, because some cost time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::sim) struct Reads(u32);
 
@@ -159,7 +159,7 @@ impl Reads {
 }
 
 impl Law {
-    /// What is wrong with it: a formula that reads a place which nothing is observed at.
+    /// Returns the fault, if it has one: a formula that reads a place at which nothing is observed.
     pub(in crate::sim) fn fault(&self) -> Option<(&'static str, String)> {
         let formulas = [self.onset.as_ref(), Some(&self.acceleration), self.offset.as_ref()];
         let beyond = formulas.into_iter().flatten().flat_map(Formula::loads).find(|p| *p >= Observed::ALL.len());

@@ -1,4 +1,4 @@
-//! Who drives and walks: the ego's driver, the traffic, and adversaries with their laws, scripts and skills.
+//! Road users: the ego's driver, the traffic, and adversaries with their laws, scripts and skills.
 
 pub(super) mod actors;
 pub mod bicycle;

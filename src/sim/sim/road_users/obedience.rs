@@ -1,4 +1,4 @@
-//! Carries a law out: waits for the onset in what `observing.rs` saw, then drives the bicycle along the path of the samples.
+//! Carries a law out: waits for the onset in the values of `observing.rs`, then drives the bicycle along the path of the samples.
 //! A step allocates nothing; the path is prepared when the rollout begins.
 
 use crate::kernel::Vec2;
@@ -11,22 +11,22 @@ use super::bicycle::{Car, DEFAULT_LIMITS};
 use super::law::{Law, OFFSET_M_MAX, OFFSET_MPS_MAX, Observation, Observed, Reads};
 use super::triggered::{LOOK_AHEAD_M, LOOK_AHEAD_S, WHEEL_STEP_RAD};
 
-/// Paths nearer than this to each other meet, metres.
+/// Distance up to which two paths meet, metres.
 const CONFLICT_M: f64 = 2.0;
-/// How far along the route the next meeting place is looked for, metres.
+/// Length of route in which the next meeting place is looked for, metres.
 const ROUTE_WINDOW_M: f64 = 30.0;
 
 /// A law under way.
 #[derive(Clone, Debug)]
 pub(in crate::sim) struct Obedience {
     pub(super) reads: Reads,
-    /// The way of the samples, and their speeds, one a step from `from_step` on.
+    /// Way of the samples, and their speeds, one a step from `from_step` on.
     pub(super) path: Path,
     pub(super) speeds_mps: Vec<f64>,
     pub(super) from_step: usize,
-    /// Where this path and the ego's route meet: along each, metres.
+    /// Meeting place of this path and the ego's route: distance along each, metres.
     pub(super) conflict: Option<(f64, f64)>,
-    /// What was observed last.
+    /// Last observation.
     seen: Observation,
     pub(super) along: Along,
     pub(super) road_hint: u32,
@@ -39,11 +39,11 @@ pub(super) struct Driving {
     pub car: Car,
     wheel_rad: f64,
     offset_m: f64,
-    /// Decision steps so far.
+    /// Number of decision steps so far.
     pub steps: usize,
 }
 
-/// What was seen, and where the vehicle was found to be.
+/// An observation, and the place at which the vehicle was found.
 pub(in crate::sim) struct Sight {
     pub(super) seen: Observation,
     pub(super) along: Along,
@@ -51,7 +51,7 @@ pub(in crate::sim) struct Sight {
 }
 
 impl Obedience {
-    /// `None` where the samples have no path.
+    /// Makes it ready at the start of a rollout. `None` where the samples have no path.
     pub fn new(law: &Law, plant: &Plant, from_step: usize, samples: &[Sample]) -> Option<Obedience> {
         let points: Vec<Vec2> = samples.iter().map(|sample| sample.position).collect();
         let path = Path::bare(&points, samples.first()?.heading_rad)?;
@@ -70,7 +70,7 @@ impl Obedience {
         })
     }
 
-    /// Takes over what was observed, and begins to obey where the law says so.
+    /// Stores an observation, and begins to obey where the law says so.
     pub fn see(&mut self, law: &Law, sight: Sight, now: &Sample, length_m: f64) {
         (self.seen, self.along, self.road_hint) = (sight.seen, sight.along, sight.road_hint);
         let holds = law.onset.as_ref().is_none_or(|onset| onset.value(&self.seen) != 0.0);
@@ -82,7 +82,7 @@ impl Obedience {
         }
     }
 
-    /// One decision step under the law; `None` before its onset.
+    /// Drives one decision step under the law; `None` before its onset.
     pub fn step(&mut self, law: &Law) -> Option<([Car; SUBSTEPS], Place)> {
         let driving = self.driving.as_mut()?;
         let (car, limits) = (driving.car, &DEFAULT_LIMITS);
@@ -105,7 +105,7 @@ fn look_ahead_m(car: &Car) -> f64 {
     LOOK_AHEAD_M.max(LOOK_AHEAD_S * car.speed_mps)
 }
 
-/// Where a path first comes to the ego's route: along each, metres.
+/// Returns the distances along a path and along the ego's route at which the path first reaches the route, metres.
 fn conflict(path: &Path, route: &Path) -> Option<(f64, f64)> {
     let points = path.points();
     let mut along = route.project(points[0]);

@@ -1,5 +1,5 @@
-//! What an adversary under a law observes at a decision step: the ego, the others, the road. Only what its formulas read is
-//! worked out, and nothing is allocated.
+//! The observation of an adversary under a law at a decision step: the ego, the others, the road. Only the values that its
+//! formulas read are computed, and nothing is allocated.
 
 use crate::kernel::{Vec2, num};
 use crate::scene::DT_S;
@@ -15,14 +15,14 @@ use super::obedience::{Obedience, Sight};
 use super::others::Others;
 use super::skills::EgoForecast;
 
-/// Who is this far beside its own half width is in its way, metres.
+/// Distance beside its own half width within which a road user is in its way, metres.
 const SIDE_ROOM_M: f64 = 0.5;
-/// More than rounding can make of a box's half size, metres.
+/// Bound on the rounding error of a box's half size, metres.
 const ROUNDING_M: f64 = 1e-6;
-/// A place farther than this from every lane belongs to none, metres.
+/// Distance from every lane beyond which a place belongs to none, metres.
 const LANE_WITHIN_M: f64 = 4.0;
 
-/// Everything that an observation is made of besides the vehicle's own memory.
+/// The inputs of an observation besides the vehicle's own memory.
 pub(in crate::sim) struct Surroundings<'a> {
     pub plant: &'a Plant,
     pub world: &'a Others,
@@ -31,13 +31,13 @@ pub(in crate::sim) struct Surroundings<'a> {
     pub ego: &'a EgoForecast,
     /// The ego's place along its route.
     pub ego_along: &'a Along,
-    /// Number of adversaries, and this one's place among them.
+    /// Number of adversaries, and this one's index among them.
     pub count: usize,
     pub own: usize,
 }
 
 impl Obedience {
-    /// What this road user observes at a decision step; `None` while it is not there or its samples have not begun.
+    /// Returns this road user's observation at a decision step; `None` while it is not there or its samples have not begun.
     pub fn observe(&self, around: &Surroundings<'_>) -> Option<Sight> {
         let actor = &around.world.actors[around.own];
         let now = actor.now.as_ref()?;
@@ -109,7 +109,7 @@ impl Obedience {
                 return;
             }
             let delta = near.position - place.position;
-            // What rules most of them out comes first: behind, or farther aside than a box that is turned across.
+            // A test that excludes most of them comes first: behind, or farther aside than a box that is turned across.
             let aside_m = place.axis.cross(delta).abs();
             let room_m = size.half_width_m + SIDE_ROOM_M;
             let may_be_ahead =
@@ -117,7 +117,7 @@ impl Obedience {
             if !of_all && !may_be_ahead {
                 return;
             }
-            // Boxes are never nearer than their circles, and the distance of boxes is what costs time here.
+            // Boxes are never nearer than their circles, and the distance of boxes costs most of the time here.
             let apart_m = delta.norm() - near.size.radius_m - size.radius_m;
             let nearer = of_all && apart_m < gap_m;
             let ahead = may_be_ahead && apart_m < ahead_m && {

@@ -11,22 +11,22 @@ use super::intervention::ActorRef;
 /// The buffers of a rollout; reused, so that a step allocates nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Others {
-    /// Adversaries first (in the order of the actions), then reactive traffic as it turns so.
+    /// Adversaries first (in the order of the actions), then traffic in the order in which it turns reactive.
     pub(in crate::sim) actors: Vec<Actor>,
-    /// Tracks that are simulated: their recorded rows are passed over.
+    /// True for tracks that are simulated: their recorded rows are passed over.
     pub(in crate::sim) simulated: Vec<bool>,
 }
 
 /// Another road user as the ego sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {
-    /// Which road user it is.
+    /// The road user.
     pub actor: ActorRef,
     /// The centre of its box, metres.
     pub position: Vec2,
-    /// Where it points, of length 1.
+    /// Heading as a vector of length 1.
     pub axis: Vec2,
-    /// In the scene's frame, m/s.
+    /// Velocity in the scene's frame, m/s.
     pub velocity: Vec2,
     /// Its box.
     pub size: Size,
@@ -99,7 +99,7 @@ impl Others {
         }
     }
 
-    /// [`Others::for_each_near`] with everything that a driver may see.
+    /// Does the same as [`Others::for_each_near`] with everything that a driver may see.
     pub(in crate::sim) fn for_each_within(
         &self,
         plant: &Plant,

@@ -1,18 +1,18 @@
-//! Scripted road users that wait for the ego: where they stand, what sets them off, and what they do then. The input
-//! language of SafeBench's traffic families; how it is carried out stands in `triggered.rs`.
+//! Scripted road users that wait for the ego: their places, their triggers, and their behaviour after that. The input
+//! language of SafeBench's traffic families; `triggered.rs` carries it out.
 
 use serde::{Deserialize, Serialize};
 
 use crate::kernel::{Pose, Vec2, num};
 use crate::scene::AgentKind;
 
-/// Phases of one script.
+/// Most phases of one script.
 pub const PHASES_MAX: usize = 64;
-/// Values of one profile, points of one path.
+/// Most values of one profile, and most points of one path.
 pub const VALUES_MAX: usize = 10_000;
-/// Longest shift, its way and radius of a turn, metres.
+/// Longest shift, longest way of a shift, and largest radius of a turn, metres.
 const SHIFT_M_MAX: f64 = 1000.0;
-/// No car turns tighter than this, metres.
+/// Smallest radius that a car can turn, metres.
 const RADIUS_M_MIN: f64 = 3.0;
 
 /// One road user that stands still until the ego comes near, then runs through its phases, then brakes and stays.
@@ -23,17 +23,17 @@ const RADIUS_M_MIN: f64 = 3.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Script {
-    /// What sort of road user it is; someone on foot walks, everybody else drives a bicycle model.
+    /// The sort of road user; someone on foot walks, everybody else drives a bicycle model.
     pub kind: AgentKind,
     /// Length of its box, metres, above 0 and at most 100.
     pub length_m: f64,
     /// Width of its box, metres, likewise.
     pub width_m: f64,
-    /// Where it stands from the first simulated step on.
+    /// Pose in which it stands from the first simulated step on.
     pub spawn: Pose,
-    /// What sets it off.
+    /// Condition that sets it off.
     pub trigger: Trigger,
-    /// Empty for what is parked.
+    /// Phases; empty for a parked one.
     pub phases: Vec<Phase>,
 }
 
@@ -41,10 +41,10 @@ pub struct Script {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Trigger {
-    /// Position, among the intervention's actions, of the scripted road user to which the ego's distance is measured
+    /// Index, among the intervention's actions, of the scripted road user to which the ego's distance is measured
     /// (SafeBench's reference actor); its own for most.
     pub reference: usize,
-    /// Centre to centre, metres; the ego must be nearer.
+    /// Distance centre to centre, metres; the ego must be nearer.
     pub distance_m: f64,
     /// The ego must be at least this fast, m/s (SafeBench's family 5: 0.5).
     pub ego_speed_mps_min: f64,
@@ -54,9 +54,9 @@ pub struct Trigger {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Phase {
-    /// How fast.
+    /// The speed.
     pub speed: Speed,
-    /// Where to.
+    /// The way.
     pub way: Way,
     /// Share of full throttle, 0..=1; not used on foot.
     pub throttle: f64,
@@ -67,7 +67,7 @@ pub struct Phase {
 }
 
 impl Phase {
-    /// Straight on at a constant speed with full throttle and brake: SafeBench's `go_straight(v)`.
+    /// Goes straight on at a constant speed with full throttle and brake: SafeBench's `go_straight(v)`.
     pub fn straight(mps: f64, until: Until) -> Phase {
         Phase { speed: Speed::Constant { mps }, way: Way::Straight, throttle: 1.0, brake: 1.0, until }
     }
@@ -87,12 +87,12 @@ pub enum Speed {
         /// m/s, 1 to 10 000 values.
         mps: Vec<f64>,
     },
-    /// The ego's, at most this.
+    /// The ego's speed, at most this.
     MatchEgo {
         /// m/s.
         mps_max: f64,
     },
-    /// So that both reach the crossing of their ways at once: own lateral distance to the ego's line times the ego's
+    /// A speed at which both reach the crossing of their ways at once: own lateral distance to the ego's line times the ego's
     /// speed over the ego's distance along it, within bounds (ChatScene's `CrossingBehavior`); the upper bound once the
     /// ego has passed.
     Intercept {
@@ -103,7 +103,7 @@ pub enum Speed {
     },
 }
 
-/// Where to.
+/// The way of a phase.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Way {
@@ -143,7 +143,7 @@ pub enum Way {
     },
 }
 
-/// When a phase is over.
+/// The end of a phase.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Until {
@@ -172,7 +172,7 @@ pub enum Until {
 }
 
 impl Script {
-    /// The first thing that is wrong with it: the rule and what was found.
+    /// Returns the first fault: the rule and the value found.
     pub(in crate::sim) fn fault(&self) -> Option<(&'static str, String)> {
         let spawn_is_sound = self.spawn.position.is_finite() && self.spawn.heading_rad.abs() <= 1e6;
         if !spawn_is_sound {

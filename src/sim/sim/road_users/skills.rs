@@ -1,5 +1,5 @@
-//! SEAL's reactive second: eight motion primitives of ten decision steps, chosen every second by how near they are
-//! predicted to come to the ego, how far they lead off the road and how much effort they take.
+//! SEAL's reactive second: eight motion primitives of ten decision steps. Each second one is chosen by its predicted distance to
+//! the ego, its way off the road and its effort.
 //!
 //! The stand-in for the learned skill space of Stoler et al. (2025): its prior over skills is taken as uniform, so
 //! it drops out of the choice.
@@ -11,13 +11,13 @@ use crate::sim::prepared::drivable::Drivable;
 
 use super::bicycle::{Car, DEFAULT_LIMITS};
 
-/// Decision steps a skill lasts (1 s).
+/// Number of decision steps a skill lasts (1 s).
 pub const SKILL_STEPS: usize = 10;
 /// Weight of the effort against a metre of distance.
 pub const EFFORT_WEIGHT: f64 = 0.3;
-/// Weight of a metre that a corner ends farther off the road than it is, against a metre of distance.
+/// Weight of a metre that a corner ends farther off the road than it is now, against a metre of distance.
 pub const ROAD_WEIGHT: f64 = 2.0;
-/// The road is looked at every this many steps of a skill.
+/// Steps of a skill between two looks at the road.
 const ROAD_STRIDE: usize = 5;
 /// Largest steering of a swerve or a cut-in, radians.
 const STEERING_RAD: f64 = 0.15;
@@ -31,7 +31,7 @@ pub enum Skill {
     BrakeMildly,
     /// 6 m/s² of braking.
     BrakeHard,
-    /// 2 m/s² more.
+    /// 2 m/s² of acceleration.
     Accelerate,
     /// Half a sine of steering: leaves with another heading.
     SwerveLeft,
@@ -43,7 +43,7 @@ pub enum Skill {
     CutInRight,
 }
 
-/// In the order in which they are tried; the first of equals wins.
+/// All skills in the order in which they are tried; the first of equals wins.
 pub const SKILLS: [Skill; 8] = [
     Skill::Hold,
     Skill::BrakeMildly,
@@ -56,7 +56,7 @@ pub const SKILLS: [Skill; 8] = [
 ];
 
 impl Skill {
-    /// Acceleration (m/s²) and steering (radians) in the given step of the skill.
+    /// Returns acceleration (m/s²) and steering (radians) in the given step of the skill.
     pub fn control(self, step: usize) -> (f64, f64) {
         let phase = (step as f64 + 0.5) / SKILL_STEPS as f64;
         let half = STEERING_RAD * num::sin(num::PI * phase);
@@ -77,11 +77,11 @@ impl Skill {
 /// The ego as an adversary predicts it: straight on with its present acceleration, never backwards.
 #[derive(Clone, Copy, Debug)]
 pub struct EgoForecast {
-    /// Where it is now.
+    /// Place now.
     pub place: Place,
-    /// In the scene's frame, m/s.
+    /// Velocity in the scene's frame, m/s.
     pub velocity: Vec2,
-    /// Along the velocity, m/s².
+    /// Acceleration along the velocity, m/s².
     pub acceleration_mps2: f64,
     /// Its box.
     pub size: Size,
@@ -98,7 +98,7 @@ impl EgoForecast {
     }
 }
 
-/// The skill with the smallest predicted box distance to the ego plus weighted way off the road plus weighted mean effort
+/// Returns the skill with the smallest predicted box distance to the ego plus weighted way off the road plus weighted mean effort
 /// `a² + δ²v²`. Metres off the road count beyond those at which the car already is.
 pub fn choose(car: &Car, size: &Size, ego: &EgoForecast, road: &Drivable) -> Skill {
     let ahead: [Place; SKILL_STEPS] = core::array::from_fn(|k| ego.after((k + 1) as f64 * DT_S));
@@ -115,7 +115,7 @@ pub fn choose(car: &Car, size: &Size, ego: &EgoForecast, road: &Drivable) -> Ski
     best
 }
 
-/// The road, how far off it the car is now, and a piece of it near the car.
+/// The road, the car's present distance off it, and a piece of it near the car.
 struct Surroundings<'a> {
     road: &'a Drivable,
     off_road_m: f64,
@@ -143,7 +143,7 @@ fn cost(
     nearest + EFFORT_WEIGHT * effort / SKILL_STEPS as f64 + ROAD_WEIGHT * (off_road_m - around.off_road_m)
 }
 
-/// How far the outermost corner is off the road, metres; exact above `floor_m`.
+/// Returns how far the outermost corner is off the road, metres; exact above `floor_m`.
 fn departure_m(road: &Drivable, size: &Size, place: Place, floor_m: f64, hint: &mut u32) -> f64 {
     size.at(place).corners().iter().fold(floor_m, |most, corner| most.max(road.distance_m(*corner, most, hint)))
 }
@@ -155,7 +155,7 @@ mod tests {
     use crate::scene::fixture::two_lane_scene;
     use crate::sim::prepared::plant::Plant;
 
-    /// The choice of a car near the right edge (y = -1.75) while the ego stands beyond it.
+    /// Returns the choice of a car near the right edge (y = -1.75) while the ego stands beyond it.
     fn choice(with_lanes: bool) -> Skill {
         let mut scene = two_lane_scene();
         if !with_lanes {

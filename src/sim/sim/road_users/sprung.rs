@@ -1,9 +1,9 @@
 //! MetaDrive's default car: a rigid body on four sprung wheels that look for the road by rays, as Bullet's raycast vehicle has it
 //! (`btRaycastVehicle`, Bullet 2.8), on level ground. Springs, tyres, brakes and the order in which they act are Bullet's, the numbers are
-//! those of MetaDrive 0.4.3; nothing is fitted but what the first physics step costs.
+//! those of MetaDrive 0.4.3; nothing is fitted but the loss in the first physics step.
 //!
-//! A wheel's tyre takes a fifth of its sideways speed away in each physics step, as far as friction times load lasts. A wheel that wants more slides,
-//! and then everything that it does shrinks. So a wheel turned sharply holds little, pushes outward and costs speed, brakes take less from
+//! A wheel's tyre takes a fifth of its sideways speed away in each physics step, as far as friction times load lasts. A wheel that wants
+//! more slides, and all its forces shrink. So a wheel turned sharply holds little, pushes outward and costs speed, brakes take less from
 //! the unloaded rear wheels, and a car that is put on the road with its springs pressed together brakes better while it rises.
 
 use nalgebra::{Matrix3, Quaternion, Vector3};
@@ -18,43 +18,43 @@ use super::idm;
 type Vector = Vector3<f64>;
 
 const MASS_KG: f64 = 1100.0;
-/// Of a box of 1.852 x 4.515 x 1.19 m about its right, forward and upward axis, kg m².
+/// Moments of inertia of a box of 1.852 x 4.515 x 1.19 m about its right, forward and upward axis, kg m².
 const INERTIA_KGM2: [f64; 3] = [1998.45, 444.217, 2183.05];
 const GRAVITY_MPS2: f64 = 9.81;
 /// Drive of a wheel at full throttle, N.
 const ENGINE_N: f64 = 759.4636;
-/// What a wheel's brake takes at most in a physics step at full pedal, N s.
+/// Largest impulse of a wheel's brake in a physics step at full pedal, N s.
 const BRAKE_NS: f64 = 89.4636;
-/// The same while the throttle is shut, and no brake is pressed, N s.
+/// The same while the throttle is shut and no brake is pressed, N s.
 const IDLE_BRAKE_NS: f64 = 2.0;
-/// Where the wheels hang: half the track, and so far before and behind the centre, metres. The height is that above the car's origin.
+/// Places of the wheels: half the track, and distances before and behind the centre, metres. The height is that above the car's origin.
 const TRACK_M: f64 = 0.815;
 const FRONT_M: f64 = 1.05234;
 const REAR_M: f64 = 1.4166;
 const HUNG_M: f64 = 0.113;
 const WHEEL_RADIUS_M: f64 = 0.313;
-/// Length of a spring without load, and how far it gives way, metres.
+/// Length of a spring without load, and its travel, metres.
 const SPRING_M: f64 = 0.4;
 const SPRING_TRAVEL_M: f64 = 0.15;
 /// A spring's force over its compression and the car's mass, 1/s².
 const STIFFNESS: f64 = 40.0;
-/// What a damper does to the speed of compression and of relaxation, times the mass, 1/s.
+/// Effect of a damper on the speed of compression and of relaxation, times the mass, 1/s.
 const COMPRESSION: f64 = 1.2;
 const RELAXATION: f64 = 4.8;
-/// Most that a spring pushes the car with, N. The tyre's load is not bounded so.
+/// Largest force of a spring on the car, N. It does not bound the tyre's load.
 const SPRING_N_MAX: f64 = 6000.0;
 /// Friction of a tyre, and the part of the lever by which its side force rolls the car.
 const FRICTION: f64 = 0.9;
 const ROLL_SHARE: f64 = 0.5;
-/// Part of a wheel's sideways speed that its tyre takes away in a physics step, and how much of a forward impulse counts against friction.
+/// Part of a wheel's sideways speed that its tyre takes away in a physics step, and the share of a forward impulse that counts against friction.
 const SIDE_SHARE: f64 = 0.2;
 const FORWARD_SHARE: f64 = 0.5;
-/// MetaDrive puts the car on the road with its floor on the ground. One corner scrapes in the first physics step: what that costs in speed, and
-/// gives upwards, m/s. Measured; the rest of this file is not.
+/// MetaDrive puts the car on the road with its floor on the ground. One corner scrapes in the first physics step: the speed that this costs,
+/// and the upward speed that it gives, m/s. Measured, unlike the rest of this file.
 const SCRAPE_MPS: f64 = 0.0205;
 const BUMP_MPS: f64 = 0.033;
 
-/// Right, forward and upward: front right, front left, rear right, rear left.
+/// Places of front right, front left, rear right, rear left wheel, by right, forward and upward axis.
 const WHEELS: [[f64; 3]; 4] =
     [[TRACK_M, FRONT_M, HUNG_M], [-TRACK_M, FRONT_M, HUNG_M], [TRACK_M, -REAR_M, HUNG_M], [-TRACK_M, -REAR_M, HUNG_M]];
 const FRONT_WHEELS: usize = 2;
@@ -69,18 +69,18 @@ pub struct SprungCar {
     velocity: Vector,
     /// Angular velocity, rad/s.
     spin: Vector,
-    /// Its centre and where it points: what position and orientation come to on the ground.
+    /// Its centre and heading: position and orientation as seen on the ground.
     pose: (Vec2, f64),
-    /// Where it was a physics step ago. MetaDrive shows every body there, to its driver, too.
+    /// Centre and heading a physics step ago. MetaDrive shows every body there, to its driver, too.
     shown: (Vec2, f64),
-    /// Not moved yet since it was put on the road.
+    /// True until it moves for the first time after it was put on the road.
     scrapes: bool,
 }
 
-/// What a wheel does in a physics step.
+/// State of a wheel in a physics step.
 #[derive(Clone, Copy)]
 struct Wheel {
-    /// From the car's origin to where it touches the road, metres.
+    /// Vector from the car's origin to the point where it touches the road, metres.
     lever: Vector,
     /// Load, N; 0 in the air.
     load_n: f64,
@@ -94,7 +94,7 @@ struct Wheel {
 }
 
 impl SprungCar {
-    /// A car put on the road at a sample.
+    /// Makes a car put on the road at a sample.
     pub fn new(sample: &Sample) -> SprungCar {
         let (sine, cosine) = num::sin_cos(0.5 * (sample.heading_rad - num::FRAC_PI_2));
         SprungCar {
@@ -108,18 +108,18 @@ impl SprungCar {
         }
     }
 
-    /// Where it is.
+    /// Returns its place.
     pub fn place(&self) -> Place {
         let (position, heading_rad) = self.pose;
         Place { position, axis: Vec2::from_heading(heading_rad) }
     }
 
-    /// Where it is, and how it moves.
+    /// Returns its place and its motion.
     pub fn sample(&self) -> Sample {
         self.sample_at(self.pose)
     }
 
-    /// Where MetaDrive shows it: a physics step late, with the velocity of now.
+    /// Returns its place as MetaDrive shows it: a physics step late, with the velocity of now.
     pub fn shown(&self) -> Sample {
         self.sample_at(self.shown)
     }
@@ -128,8 +128,8 @@ impl SprungCar {
         Sample { position, heading_rad, velocity: Vec2::new(self.velocity.x, self.velocity.y) }
     }
 
-    /// One decision step under constant controls: the car after each physics step. The acceleration is that of a pedal
-    /// ([`idm::pedal`]): what the pedal does to this car depends on its loads.
+    /// Drives one decision step under constant controls, and returns the car after each physics step. The acceleration is that of a pedal
+    /// ([`idm::pedal`]): the effect of the pedal on this car depends on its loads.
     pub fn drive(&self, acceleration_mps2: f64, steering_rad: f64, limits: &Limits) -> [SprungCar; SUBSTEPS] {
         let pedal = idm::pedal(acceleration_mps2, limits);
         let steering_rad = steering_rad.clamp(-limits.steering_rad, limits.steering_rad);
@@ -140,7 +140,7 @@ impl SprungCar {
         })
     }
 
-    /// Bodies move first, by the speed they have, and springs and tyres act after that.
+    /// Does a physics step: bodies move first, by the speed they have, and springs and tyres act after that.
     fn substep(&mut self, pedal: f64, steering_rad: f64, speed_mps_max: f64) {
         self.shown = self.pose;
         let speed_mps = num::hypot(self.velocity.x, self.velocity.y);
@@ -174,7 +174,7 @@ impl SprungCar {
             *slides = if wanted > most { most / wanted } else { 1.0 };
         }
         for (wheel, slides) in wheels.iter().zip(slides).filter(|(wheel, _)| wheel.touches) {
-            // A wheel without any side force slides as little as it likes: Bullet's rule.
+            // A wheel without any side force slides as little as possible: Bullet's rule.
             let slides = if wheel.side_ns != 0.0 { slides } else { 1.0 };
             self.push(wheel.ahead * (wheel.forward_ns * slides), wheel.lever, &inverse);
             let up = axes.column(2).into_owned();
@@ -194,7 +194,7 @@ impl SprungCar {
         }
     }
 
-    /// A wheel's place on the road and its load, by sine and cosine of the front wheels' angle. Side and forward impulses are still to be worked out.
+    /// Returns a wheel's place on the road and its load, by sine and cosine of the front wheels' angle. Impulses are computed later.
     fn wheel(&self, i: usize, axes: &Matrix3<f64>, turned: (f64, f64)) -> Wheel {
         let (right, up) = (axes.column(0).into_owned(), axes.column(2).into_owned());
         let hung = axes * Vector::from(WHEELS[i]);
@@ -205,7 +205,7 @@ impl SprungCar {
         let load_n = if touches {
             let spring_m = (reach_m - WHEEL_RADIUS_M).clamp(SPRING_M - SPRING_TRAVEL_M, SPRING_M + SPRING_TRAVEL_M);
             let rises = (self.velocity + self.spin.cross(&lever)).z;
-            // A car that lies on its side is none.
+            // A car that lies on its side does not stand on its wheels.
             let (inverse, rises) = if up.z <= 0.1 { (10.0, 0.0) } else { (1.0 / up.z, rises / up.z) };
             let damper = if rises < 0.0 { COMPRESSION } else { RELAXATION };
             (MASS_KG * (STIFFNESS * (SPRING_M - spring_m) * inverse - damper * rises)).max(0.0)
@@ -236,13 +236,13 @@ impl SprungCar {
     }
 }
 
-/// How much speed an impulse of 1 N s at a lever gives the body there in its own direction, 1/kg.
+/// Returns the speed that an impulse of 1 N s at a lever gives the body there in its own direction, 1/kg.
 fn yields(lever: Vector, direction: Vector, inverse: &Matrix3<f64>) -> f64 {
     let moment = lever.cross(&direction);
     1.0 / MASS_KG + moment.dot(&(inverse * moment))
 }
 
-/// The columns are the car's axes right, forward, upward.
+/// Returns a matrix whose columns are the car's axes right, forward, upward.
 fn rotation(q: &Quaternion<f64>) -> Matrix3<f64> {
     let (w, x, y, z) = (q.w, q.i, q.j, q.k);
     Matrix3::new(
@@ -289,7 +289,7 @@ mod tests {
         let limits = PlantOptions::METADRIVE_0_4_3.limits();
         for (sine, cosine) in [(0.5f64.sqrt(), 0.5f64.sqrt()), (1.0, 0.0)] {
             let mut car = rolling();
-            // About its forward axis.
+            // Turned about its forward axis.
             car.orientation *= Quaternion::new(cosine, 0.0, sine, 0.0);
             for _ in 0..20 {
                 car = car.drive(-5.0, 0.3, &limits)[SUBSTEPS - 1];

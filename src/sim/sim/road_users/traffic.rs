@@ -2,7 +2,7 @@
 //!
 //! A moving vehicle that appears behind the ego (more than 1 m back, within 15 m to the side, headings less than 90°
 //! apart, at least 5 m of recorded path) follows its recorded path by IDM instead of the clock, and leaves 2 m before
-//! the path's end. The rule is asked once, when it appears. MetaDrive renews a car's throttle every fifth decision
+//! the path's end. The rule is applied once, when it appears. MetaDrive renews a car's throttle every fifth decision
 //! step to save time; here it is renewed at each.
 
 use crate::kernel::{Vec2, num};

@@ -10,14 +10,14 @@ use super::bicycle::{Car, DEFAULT_LIMITS};
 use super::script::{Phase, Script, Speed, Until, Way};
 use super::skills::EgoForecast;
 
-/// Pure pursuit looks this far ahead, metres, or as far as it goes in [`LOOK_AHEAD_S`], whichever is more.
+/// Distance that pure pursuit looks ahead, metres, or its way in [`LOOK_AHEAD_S`], whichever is more.
 pub(super) const LOOK_AHEAD_M: f64 = 4.0;
 pub(super) const LOOK_AHEAD_S: f64 = 0.6;
-/// The wheels turn by at most this much a decision step, radians: a tenth of their range, as CARLA's vehicle controller.
+/// Largest turn of the wheels in a decision step, radians: a tenth of their range, as CARLA's vehicle controller.
 pub(super) const WHEEL_STEP_RAD: f64 = 0.1 * DEFAULT_LIMITS.steering_rad;
-/// On foot the way of a sideways move is looked up this far ahead, metres.
+/// Distance ahead, on foot, at which the way of a sideways move is looked up, metres.
 const WALK_LOOK_M: f64 = 0.5;
-/// Nearer than this along its line the ego has passed, metres.
+/// Distance along its line below which the ego has passed, metres.
 const PASSED_M: f64 = 0.5;
 
 /// A script under way.
@@ -26,19 +26,19 @@ pub(in crate::sim) struct Play {
     car: Car,
     pub awake: bool,
     phase: usize,
-    /// Decision steps of the present phase.
+    /// Number of decision steps of the present phase.
     tick: usize,
     driven_m: f64,
     wheel_rad: f64,
     /// Place on the present phase's path.
     along: Option<Along>,
-    /// Position and heading vector at the beginning of the present phase, for ways that are told from there.
+    /// Position and heading vector at the beginning of the present phase, for ways that are relative to it.
     origin: Option<(Vec2, Vec2)>,
     /// Paths of the phases that have one.
     paths: Vec<Option<Path>>,
 }
 
-/// What one decision step does. It lives on the stack for a moment; a box would allocate in every step.
+/// Motion in one decision step. It lives on the stack for a moment; a box would allocate in every step.
 #[allow(clippy::large_enum_variant)]
 pub(in crate::sim) enum Moved {
     Cars([Car; SUBSTEPS]),
@@ -65,13 +65,13 @@ impl Play {
         }
     }
 
-    /// Whether the ego sets it off, given where its reference is.
+    /// Returns `true` if the ego sets it off, given the place of its reference.
     pub fn is_set_off(script: &Script, reference: Vec2, ego: &EgoForecast) -> bool {
         let trigger = &script.trigger;
         ego.place.position.distance(reference) < trigger.distance_m && ego.velocity.norm() >= trigger.ego_speed_mps_min
     }
 
-    /// The next decision step. `route` is the ego's.
+    /// Does the next decision step. `route` is the ego's.
     pub fn step(&mut self, script: &Script, ego: &EgoForecast, route: &Path) -> Moved {
         if self.awake {
             while let Some(phase) = script.phases.get(self.phase)
@@ -170,12 +170,12 @@ impl Play {
         LOOK_AHEAD_M.max(LOOK_AHEAD_S * self.car.speed_mps)
     }
 
-    /// Where the present phase began.
+    /// Returns the start of the present phase.
     fn origin(&mut self) -> (Vec2, Vec2) {
         *self.origin.get_or_insert((self.car.position, self.car.axis))
     }
 
-    /// The point of a sideways move that lies `look_m` further along it.
+    /// Returns the point of a sideways move that lies `look_m` further along it.
     fn shifted(&mut self, left_m: f64, over_m: f64, look_m: f64) -> Vec2 {
         let (from, axis) = self.origin();
         let ahead_m = (self.car.position - from).dot(axis) + look_m;
@@ -185,14 +185,14 @@ impl Play {
         from + axis * ahead_m + axis.left() * moved_m
     }
 
-    /// Whether it has turned that far since the phase began.
+    /// Returns `true` if it has turned that far since the phase began.
     fn is_turned(&mut self, left_rad: f64) -> bool {
         let (_, axis) = self.origin();
         let turned_rad = num::atan2(axis.cross(self.car.axis), axis.dot(self.car.axis));
         turned_rad * left_rad.signum() >= left_rad.abs()
     }
 
-    /// The present phase's path with the place on it, `gone_m` further along it than the last time.
+    /// Returns the present phase's path with the place on it, `gone_m` further along it than the last time.
     fn on_path(&mut self, gone_m: f64) -> Option<(&Path, Along)> {
         let path = self.paths.get(self.phase)?.as_ref()?;
         let place = self.car.position;
@@ -244,7 +244,7 @@ impl Play {
     }
 }
 
-/// The sample at which a scripted road user stands.
+/// Returns the sample at which a scripted road user stands.
 pub(in crate::sim) fn standing(script: &Script) -> Sample {
     let heading_rad = num::wrap_angle(script.spawn.heading_rad);
     Sample { position: script.spawn.position, heading_rad, velocity: Vec2::ZERO }

@@ -1,5 +1,5 @@
 //! The state of a closed loop and its steps: the ego decides, everyone moves through five physics steps, contacts are
-//! found. It keeps no account: [`super::rollout`] sums an outcome up, [`crate::sim::encounters::avoidance`] only asks for contacts.
+//! found. It keeps no account: [`super::rollout`] sums an outcome up, [`crate::sim::encounters::avoidance`] only needs contacts.
 
 use crate::kernel::Vec2;
 use crate::scene::{DT_S, Sample};
@@ -24,7 +24,7 @@ use crate::sim::road_users::traffic;
 
 use super::held::Held;
 
-/// The ego looks for its place on the route within the way it went and this much, metres.
+/// Margin beyond the way it went within which the ego looks for its place on the route, metres.
 const ROUTE_WINDOW_M: f64 = 5.0;
 
 /// Everyone at one decision step.
@@ -35,11 +35,11 @@ pub(in crate::sim) struct ClosedLoop<'a> {
     pub world: Others,
     /// Number of adversaries: the first of `world.actors`.
     pub count: usize,
-    /// Whether the driver under test repeats the recorded motion.
+    /// True if the driver under test repeats the recorded motion.
     pub replays: bool,
     pub ego: EgoState,
     car: Car,
-    /// The ego's car where the plant has it on springs; `car` then stands where that one is shown.
+    /// The ego's car where the plant has it on springs; `car` then stands where the sprung car is shown.
     sprung: Option<SprungCar>,
     /// Tracks that overlapped the ego when they appeared and have not left it since.
     ghosts: Vec<bool>,
@@ -59,7 +59,7 @@ pub(in crate::sim) struct EgoStep {
 }
 
 impl<'a> ClosedLoop<'a> {
-    /// The first state; `replays` says whether the ego is driven as it was recorded. Refuses interventions that cannot be
+    /// Makes the first state; `replays` is true if the ego is driven as it was recorded. Refuses interventions that cannot be
     /// carried out.
     pub fn without_driver(
         plant: Held<'a, Plant>,
@@ -98,17 +98,17 @@ impl<'a> ClosedLoop<'a> {
         })
     }
 
-    /// Turns traffic reactive that appears behind the ego at the k-th step.
+    /// Makes traffic that appears behind the ego at the k-th step reactive.
     pub fn wake(&mut self, k: usize) {
         traffic::wake(&self.plant, &mut self.world, &self.ego, k, self.replays);
     }
 
-    /// The world as a driver sees it at the k-th step.
+    /// Returns the world as a driver sees it at the k-th step.
     pub fn view(&self, k: usize) -> View<'_> {
         View { plant: &self.plant, world: &self.world, k, ego: &self.ego }
     }
 
-    /// The ego's motion through the next step by a decision; `None` when a replayed recording has ended.
+    /// Returns the ego's motion through the next step by a decision; `None` when a replayed recording has ended.
     pub fn carry_out(&self, control: Control, k: usize) -> Result<Option<EgoStep>, SimError> {
         match control {
             Control::Drive { acceleration_mps2, steering_rad } => {
@@ -131,7 +131,7 @@ impl<'a> ClosedLoop<'a> {
         }
     }
 
-    /// The ego's motion through the k-th step under constant controls.
+    /// Returns the ego's motion through the k-th step under constant controls.
     pub fn drive(&self, acceleration_mps2: f64, steering_rad: f64, k: usize) -> EgoStep {
         let limits = self.plant.limits().at_step(k);
         let (samples, shown, car, sprung, path) = match &self.sprung {
@@ -183,18 +183,18 @@ impl<'a> ClosedLoop<'a> {
         EgoStep { shown: samples[SUBSTEPS - 1], samples, car, sprung, steering_rad: 0.0, reach_m, path }
     }
 
-    /// Gives the ego the single-track car of a careful driver, where it is seen: what such a driver can avoid does not hang on springs.
+    /// Gives the ego a careful driver's single-track car, where it is seen: springs do not decide what such a driver can avoid.
     pub fn without_springs(mut self) -> ClosedLoop<'a> {
         self.sprung = None;
         self
     }
 
-    /// What reactive traffic decides at the k-th step.
+    /// Lets reactive traffic decide at the k-th step.
     pub fn decide_traffic(&mut self, k: usize) {
         traffic::decide(&self.plant, &mut self.world, &self.ego, k);
     }
 
-    /// Works out the next pose of everyone simulated but the ego.
+    /// Computes the next pose of everyone simulated but the ego.
     pub fn plan_others(&mut self, k: usize) {
         let forecast = EgoForecast {
             place: Place { position: self.ego.sample.position, axis: self.ego.axis },
@@ -233,7 +233,7 @@ impl<'a> ClosedLoop<'a> {
         }
     }
 
-    /// The ego's first contact in the k-th step.
+    /// Returns the ego's first contact in the k-th step.
     pub fn first_contact(&mut self, k: usize, step: &EgoStep) -> Option<Hit> {
         let ego = Mover { size: &self.plant.ego_size, path: &step.path, reach_m: step.reach_m };
         contact::first_contact(&self.plant, &self.world, &mut self.ghosts, k, &ego, !self.replays)
@@ -244,17 +244,17 @@ impl<'a> ClosedLoop<'a> {
         self.world.simulated[track] = true;
     }
 
-    /// The ego's car.
+    /// Returns the ego's car.
     pub fn car(&self) -> &Car {
         &self.car
     }
 
-    /// What a contact in the k-th step was like.
+    /// Describes a contact in the k-th step.
     pub fn describe(&self, k: usize, hit: &Hit, step: &EgoStep) -> Contact {
         self.describe_as(k, hit, step, &self.ego.size)
     }
 
-    /// The same of an ego with this box.
+    /// Does the same for an ego with this box.
     pub fn describe_as(&self, k: usize, hit: &Hit, step: &EgoStep, size: &Size) -> Contact {
         let velocity = match hit.substep {
             0 => self.ego.sample.velocity,
@@ -299,12 +299,12 @@ impl<'a> ClosedLoop<'a> {
     }
 }
 
-/// Seconds from the beginning of a decision step to the end of one of its physics steps.
+/// Returns the seconds from the beginning of a decision step to the end of one of its physics steps.
 pub(super) fn seconds_after(substep: usize) -> f64 {
     if substep == SUBSTEPS { DT_S } else { substep as f64 * SUBSTEP_S }
 }
 
-/// The places of a step: where it begins, and after each physics step.
+/// Returns the places of a step: its beginning, and after each physics step.
 fn swept(first: Place, after: [Place; SUBSTEPS]) -> Swept {
     core::array::from_fn(|j| if j == 0 { first } else { after[j - 1] })
 }

@@ -1,5 +1,5 @@
 //! A closed loop that is driven from outside, one decision at a time: look, decide, step, until it ends. [`super::rollout`] is
-//! this with a [`Driver`](crate::sim::Driver) who decides, so an episode comes to the rollout's outcome bit for bit. A step
+//! this with a [`Driver`](crate::sim::Driver) that decides, so an episode has the same outcome as the rollout, bit for bit. A step
 //! allocates nothing.
 
 use crate::scene::DT_S;
@@ -42,29 +42,29 @@ pub struct Episode<'a> {
     pub(super) state: ClosedLoop<'a>,
     account: Account,
     cost: RolloutCost,
-    /// Whether the outcome's sums are wanted.
+    /// True if the outcome's sums are wanted.
     keeps_account: bool,
     /// Decision steps so far.
     steps: usize,
     end: Option<End>,
     contact: Option<Contact>,
-    /// What was decided, where that is kept.
+    /// Decisions so far, where they are kept.
     controls: Option<Vec<Control>>,
     /// Everyone's motion, where that is kept.
     motion: Option<Box<Recorder>>,
 }
 
-/// What an episode is, besides its scene and intervention.
+/// Form of an episode, besides its scene and intervention.
 #[derive(Clone, Copy)]
 pub(super) struct Form {
-    /// Whether the ego repeats its recording; then nobody turns reactive.
+    /// True if the ego repeats its recording; then nobody turns reactive.
     pub follows_log: bool,
-    /// Whether the outcome's sums are wanted. Without them a step costs less.
+    /// True if the outcome's sums are wanted. Without them a step costs less.
     pub keeps_account: bool,
 }
 
 impl<'a> Episode<'a> {
-    /// The first state of a scene, in which others do what the intervention says; an empty one leaves the scene as it is.
+    /// Starts at the first state of a scene, in which others do what the intervention says; an empty one leaves the scene as it is.
     /// Both are borrowed, or shared as an [`Arc`](std::sync::Arc). Errors are those of an intervention that cannot be carried
     /// out in the scene.
     pub fn new(
@@ -75,7 +75,7 @@ impl<'a> Episode<'a> {
         Episode::of(plant.into(), intervention.into(), form, &mut |_| ())
     }
 
-    /// [`Episode::new`] that sums nothing up, so that a step costs less: end, contact and way are the same, but there is no
+    /// Does the same as [`Episode::new`] without sums, so that a step costs less: end, contact and way are the same, but there is no
     /// [`Episode::outcome`].
     pub fn without_account(
         plant: impl Into<Held<'a, Plant>>,
@@ -93,7 +93,7 @@ impl<'a> Episode<'a> {
     ) -> Result<Episode<'a>, SimError> {
         let state = ClosedLoop::without_driver(plant, intervention, form.follows_log)?;
         let account = Account::new(&state);
-        // SafeBench's account says when the ego has arrived, so there it is kept.
+        // SafeBench's account decides when the ego has arrived, so there it is kept.
         let keeps_account = form.keeps_account || state.plant.course.is_some();
         let cost = RolloutCost::default();
         let mut episode = Episode {
@@ -112,14 +112,14 @@ impl<'a> Episode<'a> {
         Ok(episode)
     }
 
-    /// The same, and what is decided is kept: [`Episode::controls`], [`Episode::assessed`].
+    /// Makes the episode keep its decisions: [`Episode::controls`], [`Episode::assessed`].
     pub fn keeping_controls(mut self) -> Episode<'a> {
         self.controls = Some(Vec::with_capacity(self.state.plant.steps()));
         self
     }
 
-    /// The same, and everyone's motion is kept: [`Episode::motion`]. To be said before the
-    /// first step: motion is kept from here on.
+    /// Makes the episode keep everyone's motion from here on: [`Episode::motion`]. To be called before the
+    /// first step.
     pub fn keeping_motion(mut self) -> Episode<'a> {
         let mut recorder = Recorder::new(&self.state.plant, &self.state);
         recorder.push(&self.state, self.steps);
@@ -127,13 +127,13 @@ impl<'a> Episode<'a> {
         self
     }
 
-    /// The world as a driver sees it now: at the beginning of a decision step, or, when the episode is over, where everyone
+    /// Returns the world as a driver sees it now: at the beginning of a decision step, or, when the episode is over, where everyone
     /// stopped.
     pub fn observe(&self) -> View<'_> {
         self.state.view(self.steps)
     }
 
-    /// Carries one decision out for 0.1 s, and says how the episode ended if it ended with it. An episode that is over stays
+    /// Carries one decision out for 0.1 s, and returns the end if the episode ended with it. An episode that is over stays
     /// as it is. A control that is not finite is refused, and nothing moves.
     pub fn step(&mut self, control: Control) -> Result<Option<End>, SimError> {
         let mut motion = self.motion.take();
@@ -186,7 +186,7 @@ impl<'a> Episode<'a> {
         Ok(self.end)
     }
 
-    /// Who turns reactive at this step; at the last one the episode is over.
+    /// Turns traffic reactive at this step; at the last step the episode is over.
     fn begin_step(&mut self, begins: &mut impl FnMut(Part), recorder: Option<&mut dyn Records>) {
         begins(Part::Traffic);
         self.state.wake(self.steps);
@@ -198,43 +198,43 @@ impl<'a> Episode<'a> {
         }
     }
 
-    /// How it ended; `None` while it goes on.
+    /// Returns how it ended; `None` while it goes on.
     pub fn end(&self) -> Option<End> {
         self.end
     }
 
-    /// Decision steps so far.
+    /// Returns the number of decision steps so far.
     pub fn steps(&self) -> usize {
         self.steps
     }
 
-    /// Whom the ego met, and how.
+    /// Returns the ego's contact.
     pub fn contact(&self) -> Option<&Contact> {
         self.contact.as_ref()
     }
 
-    /// Share of the route driven so far, 0 to 1.
+    /// Returns the share of the route driven so far, 0 to 1.
     pub fn route_completion(&self) -> f64 {
         self.account.completion
     }
 
-    /// Steps and road users that were simulated so far.
+    /// Returns the number of steps and road users that were simulated so far.
     pub fn cost(&self) -> RolloutCost {
         self.cost
     }
 
-    /// The decisions so far, one a step; empty unless they are kept.
+    /// Returns the decisions so far, one a step; empty unless they are kept.
     pub fn controls(&self) -> &[Control] {
         self.controls.as_deref().unwrap_or_default()
     }
 
-    /// Everyone's motion so far; `None` unless it is kept.
+    /// Returns everyone's motion so far; `None` unless it is kept.
     pub fn motion(&self) -> Option<&Trace> {
         self.motion.as_ref().map(|recorder| recorder.so_far())
     }
 
-    /// What came of it, as [`rollout`](crate::sim::rollout()) says it of the same decisions; `None` while it goes on, and where
-    /// nothing is summed up.
+    /// Returns the outcome, the same as [`rollout`](crate::sim::rollout()) has for these decisions; `None` while it goes on, and
+    /// without sums.
     pub fn outcome(&self) -> Option<Outcome> {
         let end = self.end.filter(|_| self.keeps_account)?;
         Some(self.summed_up(end))
@@ -244,15 +244,15 @@ impl<'a> Episode<'a> {
         self.account.outcome(&self.state.plant, end, self.steps, self.contact)
     }
 
-    /// [`Episode::outcome`] with its contact [`assess`](crate::sim::assess)ed, for which the kept decisions are driven once more:
-    /// since when the ego could see an adversary coming, and whether it could have avoided it. Labels are read from this.
+    /// Returns [`Episode::outcome`] with its contact [`assess`](crate::sim::assess)ed, for which the kept decisions are driven again:
+    /// since when the ego could see an adversary coming, and if it could have avoided it. Labels are read from this.
     /// `None` also where decisions are not kept.
     pub fn assessed(&self) -> Result<Option<Outcome>, SimError> {
         let (Some(outcome), true) = (self.outcome(), self.controls.is_some()) else { return Ok(None) };
         Ok(Some(Outcome { contact: self.assessed_contact()?, ..outcome }))
     }
 
-    /// The contact alone, likewise; without kept decisions as it is.
+    /// Returns the contact alone, assessed likewise; as it is if decisions are not kept.
     pub fn assessed_contact(&self) -> Result<Option<Contact>, SimError> {
         let (Some(mut contact), Some(controls)) = (self.contact, &self.controls) else { return Ok(self.contact) };
         let mut again = Repeated::new(controls, self.state.replays);
@@ -260,7 +260,7 @@ impl<'a> Episode<'a> {
         Ok(Some(contact))
     }
 
-    /// Whether the ego has left its route or arrived: by MetaDrive's rules, or SafeBench's for its traffic families.
+    /// Returns an end if the ego has left its route or arrived: by MetaDrive's rules, or SafeBench's for its traffic families.
     fn is_over(&mut self) -> Option<End> {
         let (route, ego) = (&self.state.plant.route, &self.state.ego);
         let completion = self.account.completion;
@@ -296,7 +296,7 @@ impl<'a> Episode<'a> {
         self.cost.agent_steps += (1 + present + replayed) as u64;
     }
 
-    /// The ego's first contact in the step, and the adversaries' contacts with others up to it.
+    /// Returns the ego's first contact in the step, and records the adversaries' contacts with others up to it.
     fn sweep(&mut self, k: usize, ego_step: &EgoStep) -> Option<Hit> {
         let hit = self.state.first_contact(k, ego_step);
         if self.keeps_account {
@@ -322,7 +322,7 @@ impl<'a> Episode<'a> {
 }
 
 impl Others {
-    /// Recorded rows of a step whose road users are simulated instead.
+    /// Returns the number of recorded rows of a step whose road users are simulated instead.
     fn replaced(&self, plant: &Plant, k: usize) -> usize {
         let tracks = self.actors.iter().filter_map(|a| match a.who {
             ActorRef::Track(track) => Some(track),

@@ -1,4 +1,4 @@
-//! Who is at fault for the contact of a rollout, from its motion: for labels that do not say it.
+//! Fault for the contact of a rollout, from its motion: for labels that do not hold it.
 
 use crate::kernel::OrientedBox;
 use crate::sim::accounts::outcome::{Outcome, Trace};
@@ -6,8 +6,8 @@ use crate::sim::encounters::fault::Fault;
 use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::intervention::ActorRef;
 
-/// Who is at fault for a rollout's contact by nuPlan's rule: as the outcome has it, else from the motion that led to it. `None` where
-/// there is no contact, or the motion does not hold whom the ego met.
+/// Returns the fault for a rollout's contact by nuPlan's rule: as the outcome has it, else from the motion that led to it. `None` where
+/// there is no contact, or the motion does not hold the road user that the ego met.
 pub fn fault_of(plant: &Plant, outcome: &Outcome, motion: &Trace) -> Option<Fault> {
     let contact = outcome.contact.as_ref()?;
     if contact.fault.is_some() {

@@ -1,15 +1,15 @@
-//! What an episode is made of without owning it alone: borrowed for a rollout that ends where it began, or shared, for an
-//! episode that is kept beside others and outlives whoever began it.
+//! A value that an episode needs but need not own: borrowed for a rollout that ends where it began, or shared, for an
+//! episode that is kept beside others and outlives its caller.
 
 use std::ops::Deref;
 use std::sync::Arc;
 
-/// Borrowed, or shared.
+/// A borrowed or shared value.
 #[derive(Debug)]
 pub enum Held<'a, T> {
-    /// For as long as the borrow lasts.
+    /// Borrowed for as long as the borrow lasts.
     Borrowed(&'a T),
-    /// For as long as it is wanted.
+    /// Shared for as long as it is wanted.
     Shared(Arc<T>),
 }
 

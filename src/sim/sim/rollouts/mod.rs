@@ -1,4 +1,4 @@
-//! The closed loop, and motion that another simulator tells.
+//! The closed loop, and motion that another simulator reports.
 
 pub(super) mod closed_loop;
 mod episode;

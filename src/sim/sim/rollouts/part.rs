@@ -1,6 +1,6 @@
-//! What a rollout costs, and what it spends its time on.
+//! Cost of a rollout, and the parts that its time goes to.
 
-/// What a rollout cost, for throughput figures.
+/// Cost of a rollout, for throughput figures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RolloutCost {
     /// Decision steps.
@@ -9,12 +9,12 @@ pub struct RolloutCost {
     pub agent_steps: u64,
 }
 
-/// What a rollout spends its time on.
+/// Part of a rollout that takes time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
     /// Buffers, checks of the intervention, the first state; the outcome at the end.
     Setup,
-    /// Who turns reactive, and what reactive vehicles decide by IDM.
+    /// Start of reactive behaviour, and decisions of reactive vehicles by IDM.
     Traffic,
     /// The ego's decision and its motion.
     Ego,
@@ -27,10 +27,10 @@ pub enum Part {
 }
 
 impl Part {
-    /// Every part, in the order in which a step comes to them.
+    /// All parts, in the order in which a step comes to them.
     pub const ALL: [Part; 6] = [Part::Setup, Part::Traffic, Part::Ego, Part::Motion, Part::Contact, Part::Statistics];
 
-    /// As in the tables of `bench sim`.
+    /// Returns the name in the tables of `bench sim`.
     pub fn name(self) -> &'static str {
         match self {
             Part::Setup => "setup",

@@ -8,18 +8,18 @@ use crate::sim::road_users::intervention::ActorRef;
 
 use super::closed_loop::ClosedLoop;
 
-/// Who writes a rollout down, state by state.
+/// A writer of a rollout, state by state.
 pub(in crate::sim) trait Records {
-    /// The state at the k-th simulated step.
+    /// Writes the state at the k-th simulated step.
     fn push(&mut self, state: &ClosedLoop<'_>, k: usize);
 
-    /// The state after a physics step of the k-th step, at the moment of contact.
+    /// Writes the state after a physics step of the k-th step, at the moment of contact.
     fn push_during(&mut self, state: &ClosedLoop<'_>, k: usize, substep: usize);
 }
 
 pub(in crate::sim) struct Recorder {
     trace: Trace,
-    /// Tracks come first in `trace.actors`, then inserted ones.
+    /// Number of tracks, which come first in `trace.actors`, before inserted ones.
     tracks: usize,
 }
 

@@ -1,10 +1,10 @@
-//! The outcome of a rollout that another simulator reported. Given the motion of a rollout of our own, it comes to that rollout's outcome
+//! The outcome of a rollout that another simulator reported. Given the motion of our own rollout, it finds that rollout's outcome
 //! bit for bit.
 //!
-//! Taken from the report: where everyone was, which road user the ego touched first and when, and how it ended. What is found
-//! here: everything else of an [`Outcome`], with the scene's boxes. Whether a contact could have been avoided is asked of our
-//! own plant, which takes over from the told state at the moment at which the ego could have reacted: a manoeuvre that
-//! nobody drove can be told by nobody. The adversaries go on with their commands then, and traffic with our IDM.
+//! Taken from the report: where everyone was, which road user the ego touched first and when, and how it ended. Computed
+//! here: everything else of an [`Outcome`], with the scene's boxes. Our own plant finds out if a contact could have been
+//! avoided: it takes over from the reported state at the moment at which the ego could have reacted, because no report holds
+//! a manoeuvre that nobody drove. The adversaries go on with their commands then, and traffic with our IDM.
 
 use crate::scene::Sample;
 use crate::sim::SimError;
@@ -27,7 +27,7 @@ use super::recorder::{Recorder, Records};
 use super::reported::{Pose, ReportedActor, ReportedContact, ReportedError, ReportedRollout};
 use super::rollout::rollout_recorded;
 
-/// The outcome of a told rollout, with its contact assessed, and the motion as players show it. `replays` says whether the
+/// Returns the outcome of a reported rollout, its contact assessed, and the motion as players show it. `replays` is true if the
 /// ego repeated its recording: then nobody turns reactive when our plant takes over.
 pub fn judge(
     plant: &Plant,
@@ -43,10 +43,10 @@ pub fn judge(
     Ok((outcome, recorder.finish()))
 }
 
-/// The [`Timeline`] of a contact in a told rollout that was judged before.
+/// Returns the [`Timeline`] of a contact in a reported rollout that was judged before.
 ///
 /// # Errors
-/// What our own simulator refuses of scene and intervention.
+/// The same as those of our own simulator for this scene and intervention.
 pub fn reported_timeline(
     plant: &Plant,
     intervention: &Intervention,
@@ -56,7 +56,7 @@ pub fn reported_timeline(
     Ok(timeline_relived(&mut Reenacted::new(plant, intervention, reported, replays)?, contact)?)
 }
 
-/// A rollout of our own as a worker tells it.
+/// Returns a rollout of our own as a worker reports it.
 pub fn tell(plant: &Plant, intervention: &Intervention, driver: &mut dyn Driver) -> Result<ReportedRollout, SimError> {
     let (ego, actors, controls) = (Vec::new(), Vec::new(), Vec::new());
     let reported = ReportedRollout { end: End::Horizon, contact: None, ego, actors, controls };
@@ -67,7 +67,7 @@ pub fn tell(plant: &Plant, intervention: &Intervention, driver: &mut dyn Driver)
     Ok(ReportedRollout { end, contact, ..writer.reported })
 }
 
-/// Writes a rollout of our own down as told.
+/// Writes a rollout of our own down as reported.
 struct Writer {
     reported: ReportedRollout,
     /// Step and physics step of a contact within a step.
@@ -92,11 +92,11 @@ impl Records for Writer {
     }
 }
 
-/// A told rollout under way.
+/// A reported rollout under way.
 struct Reenacted<'a> {
     state: ClosedLoop<'a>,
     reported: &'a ReportedRollout,
-    /// Place in `told.actors` of each of `state.world.actors`.
+    /// Index in `told.actors` of each of `state.world.actors`.
     teller: Vec<usize>,
 }
 
@@ -121,7 +121,7 @@ impl<'a> Reenacted<'a> {
         Ok(Reenacted { state, reported, teller })
     }
 
-    /// Physics steps of the k-th step that are told.
+    /// Returns the number of physics steps of the k-th step that are reported.
     fn substeps(&self, k: usize) -> usize {
         match self.reported.contact {
             Some(contact) if contact.step == k => contact.substep,
@@ -129,7 +129,7 @@ impl<'a> Reenacted<'a> {
         }
     }
 
-    /// Takes those out of the recording who turn away from it at the k-th step.
+    /// Takes road users that leave their recording at the k-th step out of it.
     fn take_over(&mut self, k: usize) {
         for (of, reported) in self.reported.actors.iter().enumerate() {
             let ActorRef::Track(track) = reported.who else { continue };
@@ -144,7 +144,7 @@ impl<'a> Reenacted<'a> {
         }
     }
 
-    /// Everyone's way to the next row, the ego's as a step.
+    /// Computes everyone's way to the next row, the ego's as a step.
     fn plan(&mut self, k: usize) -> EgoStep {
         let substeps = self.substeps(k);
         for (actor, of) in self.state.world.actors.iter_mut().zip(&self.teller) {
@@ -156,7 +156,7 @@ impl<'a> Reenacted<'a> {
         ego_step(&now, self.reported.ego.get(k + 1).unwrap_or(&now), substeps, &ego.size)
     }
 
-    /// The told contact as the account takes it.
+    /// Returns the reported contact in the form that the account takes.
     fn hit(&self, k: usize) -> Option<Hit> {
         let contact = self.reported.contact.filter(|contact| contact.step == k)?;
         let (state, substep, with) = (&self.state, contact.substep, contact.with);
@@ -228,18 +228,18 @@ impl<'a> Reenacted<'a> {
     }
 }
 
-/// A road user with the box that the simulator collided, where it says one.
+/// Returns a road user with the box that the simulator collided, where the report holds one.
 fn boxed(size: Size, simulated: Option<[f64; 2]>) -> Size {
     simulated.map_or(size, |[length_m, width_m]| Size::new(size.kind, length_m, width_m))
 }
 
-/// Puts someone where it is told to be.
+/// Puts a road user where it is reported to be.
 fn put(actor: &mut Actor, pose: Option<&Pose>) {
     actor.now = pose.map(|pose| pose.sample);
     actor.axis = pose.map_or(actor.axis, |pose| pose.axis);
 }
 
-/// The ego's way to its next pose, which it reaches after so many physics steps.
+/// Returns the ego's way to its next pose, which it reaches after so many physics steps.
 fn ego_step(now: &Pose, next: &Pose, substeps: usize, size: &Size) -> EgoStep {
     let (first, last) = (now.place(), next.place());
     let at = |j: usize| if j < substeps { first.towards(&last, j as f64 / substeps as f64) } else { last };
@@ -273,7 +273,7 @@ impl<'a> Relived<'a> for Reenacted<'a> {
 
     fn advance(&mut self, k: usize) -> Result<bool, SimError> {
         let step = self.plan(k);
-        // Who overlapped the ego from the moment it appeared is no contact for a manoeuvre either.
+        // A road user that overlapped the ego from the moment it appeared is no contact for a manoeuvre either.
         self.state.first_contact(k, &step);
         let over = self.reported.contact.is_some_and(|contact| contact.step == k) || k + 2 > self.reported.ego.len();
         if !over {

@@ -1,4 +1,4 @@
-//! A driver who decides what was decided before: an episode that somebody drove from outside as a rollout like any other.
+//! A driver that repeats earlier decisions: it turns an episode that was driven from outside into a rollout like any other.
 
 use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::driver::{Control, Driver, View};
@@ -11,7 +11,7 @@ pub struct Repeated<'c> {
 }
 
 impl<'c> Repeated<'c> {
-    /// One decision a step; `follows_log` says whether the ego repeated its recording.
+    /// Takes one decision a step; `follows_log` is true if the ego repeated its recording.
     pub fn new(controls: &'c [Control], follows_log: bool) -> Repeated<'c> {
         Repeated { controls, follows_log }
     }
@@ -21,7 +21,7 @@ impl Driver for Repeated<'_> {
     fn begin(&mut self, _: &Plant) {}
 
     fn decide(&mut self, view: &View<'_>) -> Control {
-        // Whoever asks beyond the end plays something else than was driven, which the simulator refuses.
+        // A step beyond the last decision means that another rollout is played, which the simulator refuses.
         let never = Control::Drive { acceleration_mps2: f64::NAN, steering_rad: f64::NAN };
         self.controls.get(view.decision()).copied().unwrap_or(never)
     }

@@ -1,5 +1,5 @@
-//! The motion of a rollout as a simulator tells it, ours or another one: where everyone was at each step, which road user the ego touched
-//! first, and how it ended. `reenacted` judges it.
+//! The motion of a rollout as a simulator reports it, ours or another one: where everyone was at each step, which road user the ego
+//! touched first, and how it ended. `reenacted` judges it.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,18 +12,18 @@ use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::actors::scripted;
 use crate::sim::road_users::intervention::{Action, ActorRef, Intervention};
 
-/// Where somebody is, with the heading as an angle and as a unit vector: boxes are turned by the vector, and computing one
+/// Place of a road user, with the heading as an angle and as a unit vector: boxes are turned by the vector, and computing one
 /// from the other rounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// Position, heading and velocity.
     pub sample: Sample,
-    /// Where it points, of length 1.
+    /// Heading as a vector of length 1.
     pub axis: Vec2,
 }
 
 impl Pose {
-    /// A pose whose heading is told as an angle alone.
+    /// Makes a pose whose heading is reported as an angle alone.
     pub fn of(sample: Sample) -> Pose {
         Pose { axis: Vec2::from_heading(sample.heading_rad), sample }
     }
@@ -39,13 +39,13 @@ impl Pose {
 pub struct ReportedRollout {
     /// How the rollout ended.
     pub end: End,
-    /// The ego's first contact; something exactly where `end` says so.
+    /// The ego's first contact; present exactly where `end` says so.
     pub contact: Option<ReportedContact>,
-    /// One a row.
+    /// The ego's pose in each row.
     pub ego: Vec<Pose>,
-    /// The adversaries, and everyone else who did not do what was recorded, in the order in which they turned away from it.
+    /// The adversaries, and everyone else who left its recording, in the order in which they left it.
     pub actors: Vec<ReportedActor>,
-    /// What was decided in our own simulator, one a step: acceleration (m/s²) and steering angle (rad). Empty where nobody told it.
+    /// Decisions in our own simulator, one a step: acceleration (m/s²) and steering angle (rad). Empty where they were not reported.
     pub controls: Vec<[f64; 2]>,
 }
 
@@ -54,11 +54,11 @@ pub struct ReportedRollout {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReportedContact {
-    /// Whom the ego touched.
+    /// The road user that the ego touched.
     pub with: ActorRef,
     /// The decision step in which they touched, from 0.
     pub step: usize,
-    /// After how many of its five physics steps, 0..=5. Who knows no physics steps says 5.
+    /// Number of its five physics steps after which they touched, 0..=5. A simulator without physics steps says 5.
     pub substep: usize,
     /// The boxes that the simulator collided; without them the contact is judged with those of our plant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -69,31 +69,31 @@ pub struct ReportedContact {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ContactBoxes {
-    /// Of the ego.
+    /// Box of the ego.
     pub ego: [f64; 2],
-    /// Of the road user that it touched.
+    /// Box of the road user that it touched.
     pub other: [f64; 2],
 }
 
 /// A road user that does not follow its recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReportedActor {
-    /// Which road user it is.
+    /// The road user.
     pub who: ActorRef,
     /// Its first row; before that it follows its recording. 0 for adversaries.
     pub from_step: usize,
-    /// From then on, one a row; `None` while it is not there.
+    /// Poses from then on, one a row; `None` while it is not there.
     pub poses: Vec<Option<Pose>>,
 }
 
 impl ReportedActor {
-    /// Its pose in a row.
+    /// Returns its pose in a row.
     pub fn at(&self, row: usize) -> Option<&Pose> {
         self.poses.get(row.checked_sub(self.from_step)?).and_then(Option::as_ref)
     }
 }
 
-/// Who the adversaries of an intervention are, in the order of its actions.
+/// Returns the adversaries of an intervention, in the order of its actions.
 pub fn adversaries_of(intervention: &Intervention) -> Vec<ActorRef> {
     let mut inserted = 0..;
     let who = |action: &Action| match action {
@@ -105,27 +105,27 @@ pub fn adversaries_of(intervention: &Intervention) -> Vec<ActorRef> {
     intervention.actions.iter().map(who).collect()
 }
 
-/// What an intervention commands each of its adversaries to do at every simulated step; `None` while one is not there.
-/// Adversaries that react are commanded nothing: their actions must be lowered to samples first.
+/// Returns the commands of an intervention to each of its adversaries at every simulated step; `None` while one is not there.
+/// Adversaries that react have no commands: their actions must be lowered to samples first.
 pub fn commands(plant: &Plant, intervention: &Intervention) -> Vec<Vec<Option<Sample>>> {
     let of = |action: &Action| (0..=plant.steps()).map(|k| scripted(plant, action, k)).collect();
     intervention.actions.iter().map(of).collect()
 }
 
-/// A told motion that cannot be that of a rollout of the scene.
+/// A reported motion that cannot be that of a rollout of the scene.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ReportedError {
     /// Our own simulator refuses the scene or the intervention.
     #[error(transparent)]
     Sim(#[from] SimError),
-    /// Something in the told motion, at the named place of it, is not what it must be.
+    /// Something in the reported motion, at the named place of it, is not what it must be.
     #[error("{place}: expected {expected}, found {found}")]
     Motion {
-        /// Which part of the told motion.
+        /// Part of the reported motion.
         place: String,
-        /// What can be there.
+        /// The expected value.
         expected: String,
-        /// What is there.
+        /// The value found.
         found: String,
     },
 }

@@ -1,4 +1,4 @@
-//! What a told motion must be before it is judged: the first thing that cannot be one of a rollout of the scene is named.
+//! Checks of a reported motion before it is judged: they name the first thing that cannot belong to a rollout of the scene.
 
 use crate::kernel::num;
 use crate::scene::{DT_S, Sample};
@@ -12,29 +12,29 @@ use crate::sim::road_users::intervention::{ActorRef, Intervention};
 use super::closed_loop::seconds_after;
 use super::reported::{Pose, ReportedActor, ReportedError, ReportedRollout};
 
-/// How far from where it was commanded to be, or from the scene's start, somebody may be, metres. Simulators in single
+/// Largest distance of a road user from its commanded place, or from the scene's start, metres. Simulators in single
 /// precision round by millimetres.
 pub const OFF_COMMAND_M: f64 = 0.1;
-/// How far an ego that repeats its recording may be from it, metres: a physics step behind at 50 m/s.
+/// Largest distance from its recording of an ego that repeats it, metres: a physics step behind at 50 m/s.
 const OFF_LOG_M: f64 = 1.0;
-/// How far velocity and heading of the first row may be from the scene's start, m/s and rad.
+/// Largest difference of velocity and heading of the first row from the scene's start, m/s and rad.
 const START_MPS: f64 = 1.0;
 const START_RAD: f64 = 0.1;
-/// What another simulator's car may go beyond twice the plant's throttle, brake and bend in a step: m/s, rad, metres. MetaDrive's worst of 292 000
-/// steps are 0.31 m/s more, 1.75 m/s less in 0.1 s, and 0.1 rad of turn.
+/// Allowance for another simulator's car beyond twice the plant's throttle, brake and bend in a step: m/s, rad, metres. MetaDrive's
+/// worst of 292 000 steps are 0.31 m/s more, 1.75 m/s less in 0.1 s, and 0.1 rad of turn.
 const SPEED_SLACK_MPS: f64 = 0.15;
 const TURN_SLACK_RAD: f64 = 0.05;
 const WAY_SLACK_M: f64 = 0.15;
-/// A car slips in a bend: so much of its way may go to the side. MetaDrive's goes 0.44.
+/// Largest share of its way that a car may slip to the side in a bend. MetaDrive's slips 0.44.
 const SIDE_SHARE: f64 = 0.7;
-/// How late places may be behind velocities, s: MetaDrive shows bodies a physics step late.
+/// Largest delay of places behind velocities, s: MetaDrive shows bodies a physics step late.
 const LATE_S: f64 = 0.025;
-/// What traffic may go beyond its velocities in a step, metres; how far from its recording it may leave that, or come back after it was away; and
-/// its top speed, m/s. MetaDrive's worst of a million steps goes 0.11 m beyond, at 38 m/s, and one is 16 m further after 0.2 s away.
+/// Allowances for traffic: way beyond its velocities in a step, metres; distance from its recording where it leaves that or comes back,
+/// metres; top speed, m/s. MetaDrive's worst of a million steps goes 0.11 m beyond, at 38 m/s, and one is 16 m further after 0.2 s away.
 const TRAFFIC_SLACK_M: f64 = 0.5;
 const JOINS_M: f64 = 10.0;
 const TRAFFIC_MPS: f64 = 70.0;
-/// How far the two forms of a heading may be apart, radians, and a unit vector's length from 1.
+/// Largest difference between the two forms of a heading, radians, and of a unit vector's length from 1.
 const AXIS_TOLERANCE: f64 = 1e-6;
 
 fn wrong<T>(
@@ -81,7 +81,7 @@ pub(in crate::sim) fn check(
     check_partner(plant, reported)
 }
 
-/// Boxes that somebody can have.
+/// Checks that the boxes are possible.
 fn check_boxes(reported: &ReportedRollout) -> Result<(), ReportedError> {
     let Some(boxes) = reported.contact.and_then(|contact| contact.boxes) else { return Ok(()) };
     for (place, [length_m, width_m]) in [("contact.boxes.ego", boxes.ego), ("contact.boxes.other", boxes.other)] {
@@ -93,7 +93,7 @@ fn check_boxes(reported: &ReportedRollout) -> Result<(), ReportedError> {
     Ok(())
 }
 
-/// As many rows as the end of the rollout needs.
+/// Checks that there are as many rows as the end of the rollout needs.
 fn check_rows(plant: &Plant, reported: &ReportedRollout) -> Result<(), ReportedError> {
     let rows = reported.ego.len();
     match (reported.end, reported.contact) {
@@ -169,7 +169,7 @@ fn check_actor(
     Ok(())
 }
 
-/// Seconds that lie between a row and the one before it: within the step of a contact fewer than elsewhere.
+/// Returns the seconds between a row and the one before it: within the step of a contact fewer than elsewhere.
 fn seconds_to(reported: &ReportedRollout, row: usize) -> f64 {
     match reported.contact {
         Some(contact) if contact.step + 1 == row => seconds_after(contact.substep),
@@ -177,8 +177,8 @@ fn seconds_to(reported: &ReportedRollout, row: usize) -> f64 {
     }
 }
 
-/// A car that drives, as far as that can be said of a simulator that is not ours: its speed, throttle, brakes and bends are held to the limits
-/// of the experiment's plant, which planners are told. What is added is measured: see docs/BACKENDS.md.
+/// Checks that a car drives, as far as another simulator allows it: its speed, throttle, brakes and bends are held to the limits
+/// of the experiment's plant, which planners are told. The added allowances are measured: see docs/BACKENDS.md.
 fn check_drive(plant: &Plant, reported: &ReportedRollout) -> Result<(), ReportedError> {
     let (limits, start) = (plant.limits(), &plant.ego_start);
     let car = Car::new(start, 2.0 * plant.ego_size.half_length_m);
@@ -216,12 +216,12 @@ fn check_drive(plant: &Plant, reported: &ReportedRollout) -> Result<(), Reported
     Ok(())
 }
 
-/// Whether a number is above another; what is no number is in no range.
+/// Returns `true` if a number is above another, or if either is NaN.
 fn is_beyond(found: f64, most: f64) -> bool {
     found.is_nan() || most.is_nan() || found > most
 }
 
-/// An ego that repeats its recording is where that was.
+/// Checks that an ego that repeats its recording is where the recording has it.
 fn check_log(plant: &Plant, reported: &ReportedRollout) -> Result<(), ReportedError> {
     let within = usize::from(reported.contact.is_some_and(|contact| contact.substep < SUBSTEPS));
     for (row, pose) in reported.ego.iter().enumerate().take(reported.ego.len() - within) {
@@ -234,7 +234,7 @@ fn check_log(plant: &Plant, reported: &ReportedRollout) -> Result<(), ReportedEr
     Ok(())
 }
 
-/// Road users who are commanded nothing do not jump: they leave their recording where it is, and go on from there.
+/// Checks that road users without commands do not jump: they leave their recording where it is, and go on from there.
 fn check_ways(plant: &Plant, intervention: &Intervention, reported: &ReportedRollout) -> Result<(), ReportedError> {
     let commanded = super::reported::adversaries_of(intervention);
     for (i, actor) in reported.actors.iter().enumerate().filter(|(_, actor)| !commanded.contains(&actor.who)) {
@@ -266,7 +266,7 @@ fn check_ways(plant: &Plant, intervention: &Intervention, reported: &ReportedRol
     Ok(())
 }
 
-/// Every adversary is reported where it was commanded to be, and no road user is reported that the rollout does not have.
+/// Checks that every adversary is reported where it was commanded to be, and that no unknown road user is reported.
 fn check_commands(plant: &Plant, intervention: &Intervention, reported: &ReportedRollout) -> Result<(), ReportedError> {
     let commanded = super::reported::adversaries_of(intervention);
     for (action, who) in intervention.actions.iter().zip(&commanded) {
@@ -297,7 +297,7 @@ fn check_commands(plant: &Plant, intervention: &Intervention, reported: &Reporte
     }
 }
 
-/// The road user that the ego touched must be there.
+/// Checks that the road user that the ego touched is there.
 fn check_partner(plant: &Plant, reported: &ReportedRollout) -> Result<(), ReportedError> {
     let Some(contact) = reported.contact else { return Ok(()) };
     let row = reported.ego.len() - 1;

@@ -1,4 +1,4 @@
-//! The account of a told motion, held against the account of the rollout that it was told of.
+//! Tests that compare the account of a reported motion with the account of the rollout that was reported.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use crate::scene::{AgentKind, PreparedScene, Sample, Scene};
 use crate::sim::scenes::{car, crossing, intercept, sample, straight, straight_road};
 use crate::sim::*;
 
-/// An interception by a recorded vehicle, and at times someone inserted on a straight way.
+/// Makes an interception by a recorded vehicle, sometimes with someone inserted on a straight way.
 fn drawn(scene: &Scene, seed: u64) -> Intervention {
     let mut stream = Seed(seed).stream(&["told"]);
     let mut act = if stream.chance(0.2) { Intervention::default() } else { intercept(scene, stream.below(30)) };
@@ -70,7 +70,7 @@ fn our_own_motion_told_back_gives_our_own_outcome_bit_for_bit() {
     assert_eq!(ends.len(), 4, "{ends:?}");
 }
 
-/// Sees nothing and keeps its speed.
+/// A driver that sees nothing and keeps its speed.
 struct Blind;
 
 impl Driver for Blind {
@@ -150,7 +150,7 @@ fn a_contact_is_judged_with_the_boxes_that_were_simulated() {
     assert!(contacts > 10 && sides > 2, "{sides} of {contacts}");
 }
 
-/// What `judge` says of a motion after something was done to it.
+/// Returns the answer of `judge` after a change to a motion.
 fn refused(spoil: impl FnOnce(&mut ReportedRollout)) -> String {
     let scene = scene(3);
     let (plant, act) = (plant(&scene, 3), intercept(&scene, 5));
@@ -226,7 +226,7 @@ fn who_could_have_avoided_a_contact_was_not_too_late_and_who_could_not_was() {
             assert_eq!(late_s, None, "seed {seed}");
             continue;
         };
-        // Where the last four seconds hold no way out, it is not said by how much it was too late.
+        // Where the last four seconds hold no way out, there is no lateness.
         let Some(late_s) = late_s else { continue };
         assert_eq!(late_s < 0.05, avoidable, "seed {seed}: {late_s} s late, {:?}", own.contact);
         counted[usize::from(avoidable)] += 1;
@@ -234,7 +234,7 @@ fn who_could_have_avoided_a_contact_was_not_too_late_and_who_could_not_was() {
     assert!(counted.iter().all(|count| *count > 3), "{counted:?}");
 }
 
-/// Plants whose car's poses tell all of its state: tyres, and MetaDrive's limits and skids without its springs.
+/// Returns plants whose car's poses hold all of its state: tyres, and MetaDrive's limits and skids without its springs.
 fn tracked(scene: &Scene, seed: u64) -> Plant {
     let skids = PlantOptions { ego_car: EgoCar::SingleTrack, ..PlantOptions::METADRIVE_0_4_3 };
     let law = if seed.is_multiple_of(2) { PlantOptions::PHYSICAL } else { skids };
@@ -308,7 +308,7 @@ fn a_drive_that_no_car_has_or_that_ends_otherwise_is_not_traced() {
     assert_eq!(forged, 7);
 }
 
-/// What `judge` says of a car of another simulator: the limits of the plant, with room.
+/// The answer of `judge` for a car of another simulator: the limits of the plant, with an allowance.
 #[test]
 fn a_car_of_another_simulator_is_held_to_the_limits_that_planners_are_told() {
     let drives = |what: &str, expected: &str, spoil: &dyn Fn(&mut ReportedRollout)| {
@@ -380,7 +380,7 @@ fn a_told_rollout_has_the_time_line_of_the_rollout_that_it_tells() {
         let reported = tell(&plant, &act, policy.driver().as_mut()).unwrap();
         let replays = policy.driver().follows_log();
         let mut told = reported_timeline(&plant, &act, &reported, (replays, &contact)).unwrap();
-        // Speeds of told poses round.
+        // The speeds of reported poses are rounded.
         assert!((told.braked_mps2_max - own.braked_mps2_max).abs() < 1e-6, "seed {seed}");
         told.braked_mps2_max = own.braked_mps2_max;
         assert_eq!(told, own, "seed {seed}");

@@ -1,5 +1,5 @@
 //! A recorded drive in our own simulator, driven once more: by the controls that were recorded with it, or by those that lead from each row
-//! to the next. Whatever no car can do, whoever moved otherwise and a contact or an end that is not there shows as the first difference.
+//! to the next. Motion that no car can do, another motion of anybody, and a missing contact or end show as the first difference.
 
 use crate::kernel::num;
 use crate::scene::Sample;
@@ -14,12 +14,12 @@ use crate::sim::road_users::intervention::Intervention;
 use super::reenacted::tell;
 use super::reported::{Pose, ReportedError, ReportedRollout};
 
-/// How far a recorded pose may be from where its controls lead: metres, m/s and rad. Controls that are worked out from the motion miss by
-/// rounding alone, and whoever reacts to the ego by a little more.
+/// Largest distance of a recorded pose from the one that its controls lead to: metres, m/s and rad. For the ego, controls computed from the
+/// motion miss by rounding alone; road users that react to the ego miss by a little more.
 const EGO_APART: f64 = 1e-5;
 const OTHERS_APART: f64 = 1e-4;
 
-/// Holds a recorded drive of our own simulator to it. A car on springs has more state than its poses tell: without controls its drive is
+/// Checks a recorded drive of our own simulator. A car on springs has more state than its poses hold: without controls its drive is
 /// held to the limits of [`judge`](super::judge) alone.
 ///
 /// # Errors
@@ -74,7 +74,7 @@ fn at(pose: &Pose) -> String {
     format!("({x}, {y}) m at {} rad and {} m/s", num::fixed(sample.heading_rad, 4), num::fixed(sample.speed_mps(), 3))
 }
 
-/// The largest difference of two poses; infinite where one is no number.
+/// Returns the largest difference of two poses; infinite where one is NaN.
 fn apart(a: &Pose, b: &Pose) -> f64 {
     let (a, b) = (&a.sample, &b.sample);
     let turn = num::wrap_angle(a.heading_rad - b.heading_rad).abs();
@@ -100,7 +100,7 @@ impl<'r> Retraced<'r> {
         }
     }
 
-    /// The ego of a motion that ended with this contact. A car on springs has more state than that tells.
+    /// Makes the ego of a motion that ended with this contact. A car on springs has more state than that holds.
     pub fn of(motion: &Trace, contact: Option<&Contact>) -> Retraced<'static> {
         let at = |contact: &Contact| {
             let substeps = (contact.time_s / SUBSTEP_S).round() as usize;

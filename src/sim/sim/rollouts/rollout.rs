@@ -1,4 +1,4 @@
-//! An episode with a driver who decides: move everyone through five physics steps, check contact, take account, until it ends.
+//! An episode with a driver that decides: move everyone through five physics steps, check contact, take account, until it ends.
 
 use crate::sim::SimError;
 use crate::sim::accounts::end::End;
@@ -42,7 +42,7 @@ pub fn rollout_explained(
     Ok((outcome, motion, timeline))
 }
 
-/// How [`rollout`] ends and whom the ego touches, bit for bit, without what an outcome sums up: for searches that simulate
+/// Returns the end of [`rollout`] and the ego's contact, bit for bit, without an outcome's sums: for searches that simulate
 /// the ego again and again.
 pub fn ending(
     plant: &Plant,
@@ -78,7 +78,7 @@ pub fn rollout_counted(
     rollout_in_parts(plant, intervention, driver, |_| ())
 }
 
-/// [`rollout_counted`] that says at every border which part begins; who listens may hold a clock. The outcome is the same.
+/// Does the same as [`rollout_counted`] and reports at every border which part begins, for a caller's clock. The outcome is the same.
 pub fn rollout_in_parts(
     plant: &Plant,
     intervention: &Intervention,
@@ -104,7 +104,7 @@ pub fn rollout_traced(
     Ok((episode.summed_up(end), recorder.finish()))
 }
 
-/// How [`rollout`] ends, with everything about it written down by whoever records.
+/// Returns the end of [`rollout`], its steps and its contact, with every state written to the recorder.
 pub(super) fn rollout_recorded(
     plant: &Plant,
     intervention: &Intervention,

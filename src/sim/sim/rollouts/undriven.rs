@@ -1,15 +1,15 @@
-//! Why a scene has no outcome, and whose doing that is.
+//! Reasons why a scene has no outcome, and who caused them.
 
 use std::fmt;
 
 use crate::sim::SimError;
 
-/// How the text of a planner begins, behind what it did.
+/// Start of the text about a planner, after what it did.
 const PLANNER: &str = "planner `";
-/// What the simulator says of a driver that asks for what is no number.
+/// The simulator's words about a driver that answers with a number that is not finite.
 const NOT_FINITE: &str = "which is not finite; this is a fault of the driver";
 
-/// Why there is no outcome, in words. None of it is a crash of the ego or a success.
+/// The reason why there is no outcome, in words. None of them is a crash of the ego or a success.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Undriven {
     /// The driver under test took too long for a decision.
@@ -18,13 +18,13 @@ pub enum Undriven {
     Abandoned(String),
     /// Its process ended.
     Ended(String),
-    /// It answered what is no decision.
+    /// It answered with something that is no decision.
     Junk(String),
     /// It is not to blame.
     Other(String),
 }
 
-/// The text that is recorded.
+/// Writes the text that is recorded.
 impl fmt::Display for Undriven {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -35,7 +35,7 @@ impl fmt::Display for Undriven {
     }
 }
 
-/// The one place where a recorded text is read.
+/// Reads a recorded text; nothing else does.
 impl From<String> for Undriven {
     fn from(text: String) -> Undriven {
         match text.split_once(": ") {

@@ -42,7 +42,7 @@ pub struct Member {
     pub metrics: BTreeMap<String, f64>,
     /// The one score by which programs are compared.
     pub fitness: f64,
-    /// Of a copy that migrated: the program that it is a copy of.
+    /// Program that this member is a copy of, where it is a copy that migrated.
     pub copy_of: Option<String>,
 }
 
@@ -54,7 +54,7 @@ pub struct Database {
     pub(super) members: Vec<Member>,
     /// Ids of each island's members, in order of insertion.
     pub(super) islands: Vec<Vec<String>>,
-    /// Of each island: place in the grid, such as `3-7` -> who holds it. Places are never computed anew.
+    /// For each island: place in the grid, such as `3-7` -> program that holds it. Places are never computed anew.
     pub(super) cells: Vec<BTreeMap<String, String>>,
     pub(super) archive: Vec<String>,
     pub(super) best: Option<String>,
@@ -103,7 +103,7 @@ impl Database {
         }
         self.take_archive_place(&id);
         self.note_best(&id, island);
-        // Who lost its cell lives nowhere else: a copy on another island is a member of its own.
+        // A program that lost its cell lives nowhere else: a copy on another island is a member of its own.
         if let Some(gone) = displaced {
             self.forget(&gone);
         }
@@ -166,7 +166,7 @@ impl Database {
         ((scaled * self.options.feature_bins as f64) as usize).min(self.options.feature_bins.saturating_sub(1))
     }
 
-    /// Who had to leave the cell, if somebody had. The winner takes over the loser's place in the archive.
+    /// Takes the cell if it is free or its holder has less fitness; returns that holder. The winner takes over its place in the archive.
     fn take_cell(&mut self, id: &str, island: usize, cell: String) -> Option<String> {
         let held = self.cells[island].get(&cell).filter(|held| self.member(held).is_some()).cloned();
         if held.as_ref().is_some_and(|held| self.fitness(id) <= self.fitness(held)) {
@@ -193,7 +193,7 @@ impl Database {
         self.archive.retain(|other| members.contains(other.as_str()));
         let worst = self.archive.iter().min_by(|a, b| self.fitness(a).total_cmp(&self.fitness(b))).cloned();
         if let Some(worst) = worst.filter(|worst| self.fitness(id) > self.fitness(worst)) {
-            // Who holds a place already takes no second one: the archive shrinks then, as OpenEvolve's does.
+            // A program that holds a place already takes no second one: the archive shrinks then, as OpenEvolve's does.
             self.archive.retain(|other| *other != worst);
             if !has_place(&self.archive) {
                 self.archive.push(id.to_string());
@@ -201,7 +201,7 @@ impl Database {
         }
     }
 
-    /// Who is gone is beaten by anybody: it has no fitness.
+    /// Notes a program that beats the best so far. Any program beats one that is gone, which has no fitness.
     fn note_best(&mut self, id: &str, island: usize) {
         let beaten = |best: &String| self.fitness(id) > self.fitness(best);
         let (of_all, of_island) =

@@ -1,4 +1,4 @@
-//! Which program is edited next, and which ones the question shows beside it.
+//! Choice of the program that is edited next, and of those that the question shows beside it.
 
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -30,7 +30,7 @@ fn spread(points: &[[f64; 2]], of: &[usize], axis: usize, crowding: &mut [f64]) 
     }
 }
 
-/// Whether the first stands before the second: a smaller rank, or as small a one and less crowded.
+/// Returns `true` if the first stands before the second: it has a smaller rank, or the same rank and is less crowded.
 pub fn before(one: (usize, f64), other: (usize, f64)) -> bool {
     one.0 < other.0 || (one.0 == other.0 && one.1 > other.1)
 }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::super::openevolve::OpenEvolveOptions;
 use crate::objects::Objectives;
 
-/// Who decides what is kept and edited.
+/// Method that decides what is kept and edited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
@@ -41,12 +41,12 @@ impl Method {
         Method::ShuffledLabels,
     ];
 
-    /// Whether it decides in place of the archive's gates. A null search does not: it takes away what the gates go by.
+    /// Returns `true` if it decides in place of the archive's gates. A null search does not: it takes away what the gates go by.
     pub fn replaces_gates(self) -> bool {
         !matches!(self, Method::Pareto | Method::RandomProposals | Method::ShuffledLabels)
     }
 
-    /// Whether its proposals are random patches.
+    /// Returns `true` if its proposals are random patches.
     pub fn draws_patches(self) -> bool {
         matches!(self, Method::Random | Method::RandomProposals)
     }
@@ -96,7 +96,7 @@ impl SearchOptions {
         weight * of.attack + (1.0 - weight) * of.realism
     }
 
-    /// Whether proposals are reviewed by critics.
+    /// Returns `true` if critics review its proposals.
     pub fn has_critics(&self) -> bool {
         self.method != Method::OpenEvolve && !self.method.draws_patches()
     }

@@ -1,5 +1,5 @@
-//! What a method remembers of a lineage from epoch to epoch, and its two decisions: which programs the slots edit, and whether a
-//! labelled child is kept. Random numbers come from outside.
+//! Memory that a method has of a lineage from epoch to epoch, and its two decisions: which programs the slots edit, and whether
+//! a labelled child is kept. Random numbers come from outside.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

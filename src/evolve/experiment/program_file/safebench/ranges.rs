@@ -23,7 +23,7 @@ struct Row {
     act: &'static str,
     /// Name of the distance that sets it off; none: 60 m.
     trigger: Option<&'static str>,
-    /// What is added to its place ahead, and to its place aside where it has one, metres.
+    /// Distance that is added to its place ahead, and to its place aside where it has one, metres.
     ahead_m: f64,
     aside_m: Option<f64>,
     /// Numbers of the Scenic program that no template has, with the ranges that ChatScene begins with.

@@ -31,10 +31,10 @@ pub fn sequence_of(family: &str, traffic: TrafficFamily, script: &Script) -> Res
     }
 }
 
-/// Whether a script waits for the ego as the ported class does, which no sequence can change.
+/// Checks that a script waits for the ego as the ported class does, which no sequence can change.
 ///
 /// # Errors
-/// The trigger distance that it has instead.
+/// Returns an error with the trigger distance that it has instead.
 pub fn trigger_is_the_ports(family: &str, traffic: TrafficFamily, script: &Script) -> Result<(), String> {
     let ported = if family == advsim::NAME { advsim::trigger_m(traffic) } else { adv_traj::trigger_m(traffic) };
     if script.trigger.distance_m == ported {

@@ -26,7 +26,7 @@ pub const EGO_LENGTH_M: f64 = 4.508;
 /// Width of the ego where the file gives none, metres.
 pub const EGO_WIDTH_M: f64 = 1.610;
 
-/// What the parts of this importer share about the file.
+/// Data of the file that all parts of this importer share.
 struct File<'d> {
     name: &'d str,
     root: Element<'d>,
@@ -34,7 +34,7 @@ struct File<'d> {
     is_2020a: bool,
     /// Seconds between two steps of the file.
     dt_s: f64,
-    /// Where the first planning problem that says so begins: nothing that belongs to the file lies far from there.
+    /// Start of the first planning problem that has one: nothing that belongs to the file lies far from there.
     here: Option<Vec2>,
     /// The conventions of its headings and velocities.
     headings: &'static Heading,
@@ -42,12 +42,12 @@ struct File<'d> {
 }
 
 impl File<'_> {
-    /// Like [`exact_or_middle`] for headings: the middle of the arc that is run through counter-clockwise.
+    /// Reads headings like [`exact_or_middle`]: the middle of the arc that is run through counter-clockwise.
     fn angle(&self, element: &Element<'_>) -> Result<f64, ImportError> {
         exact_or_middle(element).map(|theirs| num::wrap_angle(self.headings.ours(theirs)))
     }
 
-    /// A place on the file's map.
+    /// Reads a place on the file's map.
     fn near_point(&self, element: &Element<'_>) -> Result<Vec2, ImportError> {
         let place = point(element)?;
         let beside = self.here.map_or(Vec2::ZERO, |here| place - here);
@@ -58,14 +58,14 @@ impl File<'_> {
     }
 }
 
-/// The scenes of a CommonRoad file, one per planning problem. Elements that cannot be read are left out.
+/// Returns the scenes of a CommonRoad file, one per planning problem. Elements that cannot be read are left out.
 ///
 /// # Errors The file is not CommonRoad XML of a known version, is cut off, or holds no lanelet that can be read.
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     import_as(file_name, bytes, Conventions::default())
 }
 
-/// [`import`] with fields read in these conventions. An export of this project is read as it is.
+/// Does the same as [`import`] with fields read in these conventions. An export of this project is read as it is.
 ///
 /// # Errors
 /// As [`import`].
@@ -83,7 +83,7 @@ pub fn import_as(file_name: &str, bytes: &[u8], conventions: Conventions) -> Res
         match exported(&file, text, &network, &obstacles) {
             Some(scene) => {
                 own.scenes.push(scene);
-                // What was derived from the elements is not what the scene has.
+                // Notes on derived values do not hold for the exact scene.
                 own.left_out.retain(|left| !left.is_kept());
                 return Ok(own);
             }
@@ -140,7 +140,7 @@ pub fn import_as(file_name: &str, bytes: &[u8], conventions: Conventions) -> Res
     Ok(imported)
 }
 
-/// The scene that the CommonRoad elements of one of our exports give, without the private data in its processing
+/// Returns the scene that the CommonRoad elements of one of our exports give, without the private data in its processing
 /// instruction.
 pub(crate) fn read_plainly(file_name: &str, bytes: &[u8]) -> Result<Scene, ImportError> {
     let document = Document::parse(file_name, bytes)?;
@@ -150,14 +150,14 @@ pub(crate) fn read_plainly(file_name: &str, bytes: &[u8]) -> Result<Scene, Impor
     unplanned(&file, &network, &obstacles)
 }
 
-/// The exact scene that was exported; `None` if the file was changed since.
+/// Returns the exact scene that was exported; `None` if the file was changed since.
 fn exported(file: &File<'_>, text: &str, network: &road::Network, obstacles: &obstacles::Obstacles) -> Option<Scene> {
     let remainder = Remainder::from_text(text)?;
     let read = unplanned(file, network, obstacles).ok()?;
     remainder.laid_over(&read, &origin(file))
 }
 
-/// The scene in the file's own coordinates and time, for its first planning problem; without a route.
+/// Returns the scene in the file's own coordinates and time, for its first planning problem; without a route.
 fn unplanned(file: &File<'_>, network: &road::Network, obstacles: &obstacles::Obstacles) -> Result<Scene, ImportError> {
     let element = file.root.needed_child("planningProblem")?;
     let problem = problem::read(file, &element, network, &mut Imported::default())?;
@@ -208,7 +208,7 @@ fn scene(
     Ok(assembled(file, id, (start_s, problem.position), needed_s, ego, network, obstacles))
 }
 
-/// The scene that begins at a time and has its origin at a place of the file.
+/// Returns the scene that begins at a time and has its origin at a place of the file.
 fn assembled(
     file: &File<'_>,
     id: String,
@@ -247,17 +247,17 @@ fn shifted(line: &[Vec2], origin: Vec2) -> Vec<Vec2> {
     line.iter().map(|p| *p - origin).collect()
 }
 
-/// An element by its name and id.
+/// Names an element by its name and id.
 fn named(element: &Element<'_>) -> String {
     format!("{} {}", element.name(), shown(element.attribute("id").unwrap_or("without id")))
 }
 
-/// `<point><x/><y/></point>`; a height is not read.
+/// Reads `<point><x/><y/></point>`; a height is not read.
 fn point(element: &Element<'_>) -> Result<Vec2, ImportError> {
     Ok(Vec2::new(element.needed_child("x")?.number()?, element.needed_child("y")?.number()?))
 }
 
-/// `<exact>`, or the middle of `<intervalStart>` and `<intervalEnd>`.
+/// Reads `<exact>`, or the middle of `<intervalStart>` and `<intervalEnd>`.
 fn exact_or_middle(element: &Element<'_>) -> Result<f64, ImportError> {
     match element.child("exact") {
         Some(exact) => exact.number(),
@@ -269,7 +269,7 @@ fn exact_or_middle(element: &Element<'_>) -> Result<f64, ImportError> {
     }
 }
 
-/// A time as a step of the file, from 0 to 1 million.
+/// Reads a time as a step of the file, from 0 to 1 million.
 fn step(element: &Element<'_>) -> Result<f64, ImportError> {
     let step = element.integer()?;
     if !(0..=1_000_000).contains(&step) {

@@ -20,7 +20,7 @@ pub(super) struct Obstacles {
     obstacles: Vec<Obstacle>,
     /// Boxes of road boundaries.
     walls: Vec<Obstacle>,
-    /// The conventions of the file's headings and velocities, places in [`HEADINGS`] and [`VELOCITIES`].
+    /// Conventions of the file's headings and velocities, as indices in [`HEADINGS`] and [`VELOCITIES`].
     pub conventions: (usize, usize),
     /// Outlines of road boundaries.
     pub edges: Vec<Vec<Vec2>>,
@@ -33,15 +33,15 @@ struct Obstacle {
     width_m: f64,
     /// Box centres; one for a static obstacle, which stands for all time.
     states: Vec<State>,
-    /// From the place of a state to the centre of its box, in the obstacle's own axes.
+    /// Vector from the place of a state to the centre of its box, in the obstacle's own axes.
     to_centre: Vec2,
     is_static: bool,
-    /// Whether the file says where it looks; a point mass looks where it goes.
+    /// True if the file gives its heading; a point mass heads where it goes.
     is_oriented: bool,
 }
 
 impl Obstacle {
-    /// Turns it to where it goes; who never moves keeps his heading.
+    /// Turns its heading to its motion; one that never moves keeps its heading.
     fn look_ahead(&mut self) {
         let times: Vec<f64> = self.states.iter().map(|state| state.time_s).collect();
         let places: Vec<Vec2> = self.states.iter().map(|state| state.position).collect();
@@ -105,7 +105,7 @@ impl From<ImportError> for Lost {
     }
 }
 
-/// The obstacles that can be read; the others are left out in `imported`. Without conventions headings and speeds are
+/// Returns the obstacles that can be read; the others are left out in `imported`. Without conventions headings and speeds are
 /// taken as they are written.
 pub(super) fn read(file: &File<'_>, conventions: Option<Conventions>, imported: &mut Imported) -> Obstacles {
     let mut obstacles = Obstacles { obstacles: vec![], walls: vec![], conventions: (0, 0), edges: vec![] };
@@ -134,13 +134,13 @@ pub(super) fn read(file: &File<'_>, conventions: Option<Conventions>, imported: 
     obstacles
 }
 
-/// What is kept in mind over all obstacles of a file.
+/// Data gathered over all obstacles of a file.
 struct Reading<'r, 'd> {
     ids: BTreeSet<&'d str>,
-    /// Obstacles whose headings, and those whose velocities come from their places.
+    /// Number of obstacles whose headings, and of those whose velocities, come from their places.
     headings: usize,
     velocities: usize,
-    /// What obstacles of kinds that nobody knows were taken for.
+    /// Kinds assumed for obstacles of unknown kinds.
     unknown: BTreeMap<&'d str, Vec<AgentKind>>,
     /// Vehicles whose sides were exchanged, and their sides in the file.
     broadside: Vec<(&'d str, (f64, f64))>,
@@ -301,13 +301,13 @@ impl Obstacles {
         self.edges.iter().map(Vec::len).sum()
     }
 
-    /// Time of the last state of all moving obstacles, seconds.
+    /// Returns the time of the last state of all moving obstacles, seconds.
     pub fn last_s(&self) -> f64 {
         let moving = self.obstacles.iter().filter(|o| !o.is_static);
         moving.flat_map(|o| o.states.last()).map(|s| s.time_s).fold(0.0, f64::max)
     }
 
-    /// Tracks of a scene that starts at `start_s` with its origin at `origin`. Obstacles that are never observed in it
+    /// Returns the tracks of a scene that starts at `start_s` with its origin at `origin`. Obstacles that are never observed in it
     /// are left out.
     pub fn tracks(&self, start_s: f64, origin: Vec2, steps: usize) -> Vec<Track> {
         let track = |obstacle: &Obstacle| {
@@ -331,8 +331,8 @@ impl Obstacles {
     }
 }
 
-/// The states that can be read, each later than the one before it, and whether the file says where it looks. A state that
-/// cannot be read, or that stands for no later time, is left out alone.
+/// Returns the states that can be read, each later than the one before it, and `true` if the file gives headings. A state that
+/// cannot be read, or whose time is not later, is left out alone.
 fn states<'d>(
     file: &File<'d>,
     element: &Element<'d>,
@@ -362,7 +362,7 @@ fn states<'d>(
         }
     }
     let Some(at) = states.first() else { return Err(Lost::Unread(first.unwrap_or_else(|| initial.refuse("a state")))) };
-    // A circle or a square looks the same from everywhere.
+    // A circle or a square has no visible heading.
     let square = (extent.size().x - extent.size().y).abs() <= 1e-9 && extent.centre().norm() <= 1e-9;
     let mut turned = false;
     if states.iter().any(|state| !state.heading_rad.is_finite()) {
@@ -392,7 +392,7 @@ fn states<'d>(
     Ok((states, is_oriented))
 }
 
-/// `None` of a name that says nothing of how it moves.
+/// Returns the kind of a name; `None` for a name that does not show how it moves.
 fn kind(name: &str, is_static: bool) -> Option<AgentKind> {
     match name {
         _ if is_static => Some(AgentKind::Static),
@@ -402,7 +402,7 @@ fn kind(name: &str, is_static: bool) -> Option<AgentKind> {
     }
 }
 
-/// Bounding box of all parts of a shape, in the axes of its obstacle.
+/// Returns the bounding box of all parts of a shape, in the axes of its obstacle.
 fn extent(shape: &Element<'_>) -> Result<Option<Extent>, ImportError> {
     let mut points: Vec<Vec2> = Vec::new();
     for part in shape.children() {
@@ -437,7 +437,7 @@ fn positive(part: &Element<'_>, name: &str) -> Result<f64, ImportError> {
     if value <= 0.0 { Err(given.refuse(format!("a length above 0, found {value}"))) } else { Ok(value) }
 }
 
-/// Place, heading, time and speed of a state; of an uncertain place (a region) the middle. The heading is NaN where the state
+/// Returns place, heading, time and speed of a state; of an uncertain place (a region) the middle. The heading is NaN where the state
 /// has none.
 fn state(file: &File<'_>, element: &Element<'_>) -> Result<State, ImportError> {
     let given = element.needed_child("position")?;
@@ -461,7 +461,7 @@ fn state(file: &File<'_>, element: &Element<'_>) -> Result<State, ImportError> {
     })
 }
 
-/// A point, or the middle of a region's bounding box; `None` for lanelets.
+/// Returns a point, or the middle of a region's bounding box; `None` for lanelets.
 pub(super) fn place(position: &Element<'_>) -> Result<Option<Vec2>, ImportError> {
     if let Some(exact) = position.child("point") {
         return point(&exact).map(Some);

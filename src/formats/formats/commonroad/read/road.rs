@@ -1,4 +1,4 @@
-//! Lanelets with their topology, what signs and lights say about them, stop lines and crosswalks.
+//! Lanelets with their topology, the signs and lights at them, stop lines and crosswalks.
 
 use std::collections::BTreeMap;
 
@@ -11,9 +11,9 @@ use crate::kernel::Vec2;
 use crate::scene::validate::LINKS_MAX;
 use crate::scene::{DT_S, Lane, LaneGraph, LaneIx, LaneKind, Light, LightState, Neighbour, Road, StopSign};
 
-/// What is kept where a part of a lanelet is left out.
+/// Words on the rest that is kept where a part of a lanelet is left out.
 const LANELET_KEPT: &str = "the lanelet is kept without it";
-/// References from lanelets to lights in a file.
+/// Most references from lanelets to lights in a file.
 const LIGHT_REFS_MAX: usize = 20_000;
 
 /// The road in the file's coordinates.
@@ -34,7 +34,7 @@ struct LaneLights {
     cycles: Vec<Cycle>,
 }
 
-/// The lanelets that can be read, with what stands at them. What cannot be read is left out in `imported`.
+/// Returns the lanelets that can be read, with the signs and lights at them. Unreadable parts are left out in `imported`.
 ///
 /// # Errors No lanelet can be read.
 pub(super) fn read(file: &File<'_>, imported: &mut Imported) -> Result<Network, ImportError> {
@@ -100,7 +100,7 @@ fn lane(
         let counts = format!("as many left as right points, found {} and {}", left.len(), right.len());
         return Err(element.refuse(counts));
     }
-    // A point that cannot be read takes the one across from it along, so that the bounds stay beside each other.
+    // If a point cannot be read, the one across from it is left out, too, so that the bounds stay beside each other.
     let (mut pairs, mut lost, mut first) = (Vec::with_capacity(left.len()), 0, None);
     for pair in left.into_iter().zip(right) {
         match pair {
@@ -155,7 +155,7 @@ fn kind(element: &Element<'_>) -> LaneKind {
     }
 }
 
-/// The targets of all `<name ref="..."/>` of an element. References to nothing are left out by name.
+/// Returns the targets of all `<name ref="..."/>` of an element. References to nothing are left out by name.
 fn refs<'m, T>(
     element: &Element<'_>,
     name: &str,
@@ -241,7 +241,7 @@ impl Network {
             for id in place.named("trafficLightRef").filter_map(|reference| reference.attribute("ref")) {
                 lights.extend(cycles.get(id).map(|cycle| (id, cycle.clone())));
             }
-            // What a lanelet's own references lead to is told where its limit is read.
+            // The targets of a lanelet's own references are noted where its limit is read.
             let mut named_before = Imported::default();
             let is_own = place.name() == "lanelet";
             let signs = refs(&place, "trafficSignRef", signs, &what, if is_own { &mut named_before } else { imported });
@@ -268,13 +268,13 @@ impl Network {
         self.road.lanes.get(lane).and_then(|lane| lane.speed_limit_mps)
     }
 
-    /// Points of all lanes and crosswalks, and the stop signs.
+    /// Returns the number of points of all lanes and crosswalks, and of the stop signs.
     pub fn size(&self) -> usize {
         let lanes: usize = self.road.lanes.iter().map(|lane| 3 * lane.centre.len()).sum();
         lanes + self.crosswalks.iter().map(Vec::len).sum::<usize>() + self.stop_signs.len()
     }
 
-    /// References from lanelets to lights.
+    /// Returns the number of references from lanelets to lights.
     pub fn light_count(&self) -> usize {
         self.light_refs
     }
@@ -289,7 +289,7 @@ impl Network {
         road
     }
 
-    /// One light per lanelet. Of several (for different turns) the most permissive counts.
+    /// Returns one light per lanelet. Of several (for different turns) the most permissive counts.
     pub fn lights_over(&self, steps: usize, start_s: f64, dt_s: f64, origin: Vec2) -> Vec<Light> {
         let rank = |state: &LightState| match state {
             LightState::Unknown => 0,

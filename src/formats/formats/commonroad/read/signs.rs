@@ -1,4 +1,4 @@
-//! Signs and lights by id: what a sign says of speed and of stopping, and the cycle of a light.
+//! Signs and lights by id: the speed or the stop that a sign demands, and the cycle of a light.
 
 use std::collections::BTreeMap;
 
@@ -16,9 +16,9 @@ const SPEED_SIGNS: [&str; 4] = ["274", "274.1", "R2-1", "r301"];
 /// Stop signs of the same catalogues, and the American one.
 const STOP_SIGNS: [&str; 3] = ["206", "r2", "R1-1"];
 
-/// Phases of a light's cycle.
+/// Most phases of a light's cycle.
 const PHASES_MAX: usize = 100;
-/// What is kept where a sign or a light is left out.
+/// Words on the rest that is kept where a sign or a light is left out.
 const OTHERS_KEPT: &str = "the other elements are kept";
 
 #[derive(Clone)]
@@ -30,7 +30,7 @@ pub(super) struct Cycle {
 }
 
 impl Cycle {
-    /// State at a step of the file: the first phase begins at the offset and the cycle repeats both ways.
+    /// Returns the state at a step of the file: the first phase begins at the offset and the cycle repeats both ways.
     pub fn state_at(&self, step: f64) -> LightState {
         let total = num::sum(self.phases.iter().map(|p| p.0));
         if !self.active || total <= 0.0 {
@@ -49,7 +49,7 @@ impl Cycle {
     }
 }
 
-/// A speed limit in m/s, or with its unit behind it.
+/// Reads a speed limit in m/s, or with its unit behind it.
 pub(super) fn speed(element: &Element<'_>) -> Result<f64, ImportError> {
     limit_mps(element.text(), "m/s").map_err(|expected| element.refuse(expected))
 }
@@ -61,7 +61,7 @@ pub(super) struct Sign {
     pub position: Option<Vec2>,
 }
 
-/// The signs by id; of two with one id the first is kept.
+/// Returns the signs by id; of two with one id the first is kept.
 pub(super) fn signs<'d>(file: &File<'d>, imported: &mut Imported) -> BTreeMap<&'d str, Sign> {
     let mut signs = BTreeMap::new();
     for element in file.root.named("trafficSign") {
@@ -84,7 +84,7 @@ pub(super) fn signs<'d>(file: &File<'d>, imported: &mut Imported) -> BTreeMap<&'
     signs
 }
 
-/// The id of an element, if no element of its kind has it yet.
+/// Returns the id of an element, if no element of its kind has it yet.
 fn free_id<'d, T>(element: &Element<'d>, taken: &BTreeMap<&str, T>) -> Result<&'d str, ImportError> {
     let id = element.needed_attribute("id")?;
     if taken.contains_key(id) { Err(element.refuse("an id that is not already taken")) } else { Ok(id) }
@@ -94,7 +94,7 @@ fn position(element: &Element<'_>) -> Result<Option<Vec2>, ImportError> {
     element.child("position").and_then(|p| p.child("point")).map(|p| point(&p)).transpose()
 }
 
-/// The lights' cycles by id; of two with one id the first is kept.
+/// Returns the lights' cycles by id; of two with one id the first is kept.
 pub(super) fn cycles<'d>(file: &File<'d>, imported: &mut Imported) -> BTreeMap<&'d str, Cycle> {
     let mut cycles = BTreeMap::new();
     for element in file.root.named("trafficLight") {

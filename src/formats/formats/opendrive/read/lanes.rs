@@ -10,17 +10,17 @@ use crate::formats::xml_read::Element;
 use crate::kernel::Vec2;
 use crate::scene::{Lane, LaneIx, LaneKind, Neighbour};
 
-/// Stations of a lane before thinning, metres apart.
+/// Distance between stations of a lane before thinning, metres.
 const SPACING_M: f64 = 1.0;
 const SECTIONS_MAX: usize = 10_000;
 const LANES_MAX: usize = 200;
 /// Most stations of all lanes of a file, also of lanes that are not kept.
 pub(super) const POINTS_MAX: usize = 8_000_000;
-/// Lanes of a file.
+/// Most lanes of a file.
 pub(super) const LANES_IN_ALL_MAX: usize = 200_000;
-/// Type records of a road.
+/// Most type records of a road.
 const TYPES_MAX: usize = 1000;
-/// A lane that is nowhere wider than this is left out, metres.
+/// Width that a lane must exceed somewhere to be kept, metres.
 const WIDTH_MIN_M: f64 = 0.1;
 
 /// Adds all lanes of a road.
@@ -81,14 +81,14 @@ impl Stretch<'_> {
             let Some(group) = section.child(name) else { continue };
             let what =
                 |lane: &str| format!("{lane} of the {name} side of section {} of road {}", self.index, shown(self.id));
-            // Without its number nobody knows beside which others a lane lies.
+            // Without its number it is not known beside which others a lane lies.
             let Some(lanes) = imported.read(&what("the lanes"), numbered(&group, side), "the other lanes are kept")
             else {
                 continue;
             };
             let mut inner: Vec<f64> = stations.iter().map(|&s| cubic(self.offsets, s)).collect();
             for (lane_id, lane) in &lanes {
-                // Widths add up from the middle outwards: beyond a lane of unknown width nobody knows where a lane lies.
+                // Widths add up from the middle outwards: beyond a lane of unknown width it is not known where a lane lies.
                 let outer = what(&format!("lane {lane_id} and those beyond it"));
                 let Some(outline) = imported.read(&outer, Outline::of(lane), "the inner lanes are kept") else {
                     break;
@@ -145,7 +145,7 @@ impl Stretch<'_> {
         (0..=pieces).map(|k| inside(self.from_m + length * k as f64 / pieces as f64)).collect()
     }
 
-    /// `None` if the lane is nowhere wide enough or too short.
+    /// Adds a lane. `None` if it is nowhere wide enough or too short.
     fn push(
         &self,
         network: &mut Network,
@@ -189,13 +189,13 @@ impl Stretch<'_> {
         Ok(Some(ix))
     }
 
-    /// Speed limit of the last road type that starts at or before the section.
+    /// Returns the speed limit of the last road type that starts at or before the section.
     fn road_speed(&self) -> Option<f64> {
         self.types.iter().rfind(|(from_m, _)| *from_m <= self.from_m + 1e-9).and_then(|(_, limit)| *limit)
     }
 }
 
-/// How far a lane reaches, as records along its section.
+/// Outer limit of a lane, as records along its section.
 enum Outline {
     /// Its width.
     Widths(Vec<(f64, [f64; 4])>),
@@ -204,7 +204,7 @@ enum Outline {
 }
 
 impl Outline {
-    /// Widths count where both stand in the file.
+    /// Reads the outline; widths count where the file has both.
     fn of(lane: &Element<'_>) -> Result<Outline, ImportError> {
         if lane.child("width").is_none() && lane.child("border").is_some() {
             return cubics(lane, "border", "sOffset").map(Outline::Border);
@@ -212,7 +212,7 @@ impl Outline {
         cubics(lane, "width", "sOffset").map(Outline::Widths)
     }
 
-    /// The width `s_m` into the section, of a lane whose inner border lies at `inner_m`.
+    /// Returns the width `s_m` into the section, of a lane whose inner border lies at `inner_m`.
     fn width_m(&self, s_m: f64, inner_m: f64, side: f64) -> f64 {
         match self {
             Outline::Widths(widths) => cubic(widths, s_m).max(0.0),
@@ -220,7 +220,7 @@ impl Outline {
         }
     }
 
-    /// What was expected of a lane that has no room anywhere. A width of 0 is the file's own word.
+    /// Returns the expected element of a lane that has no room anywhere. A width of 0 is allowed, because the file says so.
     fn without_room(&self) -> Option<&'static str> {
         match self {
             Outline::Widths(widths) if widths.is_empty() => Some("a <width> or a <border>"),
@@ -232,7 +232,7 @@ impl Outline {
     }
 }
 
-/// Where each type of a road begins, with its speed limit, in the order of the file.
+/// Returns the start of each type of a road, with its speed limit, in the order of the file.
 fn types(id: &str, road: &Element<'_>, imported: &mut Imported) -> Vec<(f64, Option<f64>)> {
     let mut types = Vec::new();
     for kind in road.named("type") {
@@ -244,7 +244,7 @@ fn types(id: &str, road: &Element<'_>, imported: &mut Imported) -> Vec<(f64, Opt
     types
 }
 
-/// The lanes of a side from the middle outwards.
+/// Returns the lanes of a side from the middle outwards.
 fn numbered<'d>(group: &Element<'d>, side: f64) -> Result<Vec<(i64, Element<'d>)>, ImportError> {
     let mut lanes: Vec<(i64, Element<'_>)> = Vec::new();
     for lane in group.named("lane") {
@@ -263,7 +263,7 @@ fn lane_id(lane: &Element<'_>, side: f64) -> Result<i64, ImportError> {
     id.ok_or_else(|| lane.refuse("a lane id: above 0 on the left, below 0 on the right"))
 }
 
-/// `None` for lane types that nobody drives or walks on.
+/// Returns the kind of a lane; `None` for lane types that nobody drives or walks on.
 fn kind(lane: &Element<'_>, road: &Element<'_>) -> Option<LaneKind> {
     let motorway = || {
         let mut types = road.children().filter(|child| child.name() == "type");
@@ -280,7 +280,7 @@ fn kind(lane: &Element<'_>, road: &Element<'_>) -> Option<LaneKind> {
     }
 }
 
-/// `<speed max= unit=>`; m/s where no unit is given. What says that there is no limit is none.
+/// Reads `<speed max= unit=>`; m/s where no unit is given. `None` for a text that says there is no limit.
 fn speed(parent: &Element<'_>, what: impl Fn() -> String, imported: &mut Imported) -> Option<f64> {
     let given = parent.child("speed")?;
     let max = given.attribute("max").filter(|max| !matches!(*max, "no limit" | "undefined" | "0" | "0.0"))?;
@@ -289,7 +289,7 @@ fn speed(parent: &Element<'_>, what: impl Fn() -> String, imported: &mut Importe
     imported.read(&format!("speed limit of {}", what()), limit, "it is kept without the limit")
 }
 
-/// Neighbours among the lanes with through traffic of one section.
+/// Sets neighbours among the lanes with through traffic of one section.
 fn neighbours(network: &mut Network, across: &[(i64, LaneIx)]) {
     for &(id, ix) in across {
         let through = |ix: LaneIx| matches!(network.road.lanes[ix].kind, LaneKind::Street | LaneKind::Freeway);

@@ -14,27 +14,27 @@ use crate::formats::xml_read::{Document, Element};
 use crate::scene::{LaneIx, Road};
 
 const ROADS_MAX: usize = 50_000;
-/// What is kept where a road, a lane or a link is left out.
+/// Words on the rest that is kept where a road, a lane or a link is left out.
 const OTHERS_KEPT: &str = "the other roads are kept";
 /// Longest single road, metres.
 const ROAD_LENGTH_MAX_M: f64 = 100_000.0;
 
-/// Names a lane of the file: road id, index of the section, lane id.
+/// Name of a lane of the file: road id, index of the section, lane id.
 type LaneName = (String, usize, i64);
 
 /// A network under construction.
 struct Network {
     road: Road,
     index: BTreeMap<LaneName, LaneIx>,
-    /// Whether a lane runs with its reference line.
+    /// True for lanes that run with their reference line.
     forward: Vec<bool>,
     /// Number of lane sections of each road.
     sections: BTreeMap<String, usize>,
-    /// Stations counted so far.
+    /// Number of stations counted so far.
     stations: usize,
 }
 
-/// The road of an OpenDRIVE file, in its own coordinates (right-handed, x east). Lane ids are `road/section/lane`. Roads,
+/// Returns the road of an OpenDRIVE file, in its own coordinates (right-handed, x east). Lane ids are `road/section/lane`. Roads,
 /// lanes and links that cannot be read (the deprecated `poly3` is not) are left out in `imported`.
 ///
 /// # Errors The file is not OpenDRIVE, is cut off, or no road of it can be read.
@@ -91,12 +91,12 @@ pub fn road(file_name: &str, bytes: &[u8], imported: &mut Imported) -> Result<Ro
     Ok(network.road)
 }
 
-/// An element by its name and id.
+/// Names an element by its name and id.
 fn named(element: &Element<'_>) -> String {
     format!("{} {}", element.name(), shown(element.attribute("id").unwrap_or("without id")))
 }
 
-/// Value at `s_m` of the last cubic record that starts at or before it; 0 before the first record.
+/// Returns the value at `s_m` of the last cubic record that starts at or before it; 0 before the first record.
 fn cubic(records: &[(f64, [f64; 4])], s_m: f64) -> f64 {
     let after = records.partition_point(|record| record.0 <= s_m + 1e-9);
     let Some((start, [a, b, c, d])) = after.checked_sub(1).and_then(|ix| records.get(ix)) else { return 0.0 };
@@ -104,7 +104,7 @@ fn cubic(records: &[(f64, [f64; 4])], s_m: f64) -> f64 {
     a + ds * (b + ds * (c + ds * d))
 }
 
-/// Records `<name s=... a= b= c= d=>`, sorted by their start.
+/// Returns records `<name s=... a= b= c= d=>`, sorted by their start.
 fn cubics(parent: &Element<'_>, name: &str, start: &str) -> Result<Vec<(f64, [f64; 4])>, ImportError> {
     let mut records = Vec::new();
     for record in parent.children().filter(|child| child.name() == name) {

@@ -6,8 +6,8 @@ use super::curve::{Curve, Station, cut, stations_of};
 use super::meeting::{Groups, Met, meet};
 use crate::scene::{LaneIx, Road};
 
-/// Where lanes split or merge without connecting lanes of their own, this much of each following lane becomes the
-/// connection, metres; at most a quarter of it.
+/// Length of each following lane that becomes a connection where lanes split or merge without connecting lanes of their own,
+/// metres; at most a quarter of the lane.
 const HEAD_M: f64 = 2.0;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,7 +36,7 @@ pub(super) struct Connection {
 pub(super) struct Network {
     pub pieces: Vec<Piece>,
     pub junctions: Vec<Vec<Connection>>,
-    /// The road that is a lane, without its first metres where they connect.
+    /// Road that is a lane, without its first metres where they connect.
     pub bodies: Vec<Option<usize>>,
     /// Pairs of lanes that follow each other in the scene and do not meet; they are not linked.
     pub apart: Vec<(LaneIx, LaneIx)>,
@@ -87,12 +87,12 @@ impl Network {
         network
     }
 
-    /// Lanes that have no road.
+    /// Yields the lanes that have no road.
     pub fn skipped(&self) -> impl Iterator<Item = LaneIx> {
         self.bodies.iter().enumerate().filter(|(_, body)| body.is_none()).map(|(lane, _)| lane)
     }
 
-    /// Junctions of connecting lanes: those that share an incoming or an outgoing lane belong together.
+    /// Makes junctions of connecting lanes: those that share an incoming or an outgoing lane belong together.
     fn connect(&mut self, connecting: &[bool], beside: &Beside) {
         let lanes: Vec<LaneIx> = (0..connecting.len()).filter(|&lane| connecting[lane]).collect();
         let ends = |lane: LaneIx| (beside.entries[lane][0], beside.exits[lane][0]);
@@ -120,7 +120,7 @@ impl Network {
         }
     }
 
-    /// Direct links, and junctions out of the first metres of lanes.
+    /// Makes direct links, and junctions out of the first metres of lanes.
     fn join(&mut self, nodes: &[Node], heads: &BTreeMap<LaneIx, Vec<Station>>) {
         for node in nodes {
             let bodies = |(from, to): (LaneIx, LaneIx)| Some((self.bodies[from]?, self.bodies[to]?, to));
@@ -148,7 +148,7 @@ impl Network {
     }
 }
 
-/// Pairs of lanes that follow each other, both with roads.
+/// Returns pairs of lanes that follow each other, both with roads.
 fn links(road: &Road, stations: &[Option<Vec<Station>>]) -> Vec<(LaneIx, LaneIx)> {
     let mut links = Vec::new();
     for (from, lane) in road.lanes.iter().enumerate() {
@@ -161,7 +161,7 @@ fn links(road: &Road, stations: &[Option<Vec<Station>>]) -> Vec<(LaneIx, LaneIx)
     links
 }
 
-/// Who leads into a lane and where it leads, among lanes that meet.
+/// Lanes that lead into a lane and lanes that it leads to, among lanes that meet.
 struct Beside {
     entries: Vec<Vec<LaneIx>>,
     exits: Vec<Vec<LaneIx>>,
@@ -178,7 +178,7 @@ impl Beside {
     }
 }
 
-/// Lanes that lead from one lane to one other across a split or merge, if only such lanes leave the first or reach the
+/// Returns lanes that lead from one lane to one other across a split or merge, if only such lanes leave the first or reach the
 /// second. They can be the connecting roads of a junction as they are.
 fn connecting_lanes(Beside { entries, exits }: &Beside) -> Vec<bool> {
     let simple = |lane: LaneIx| {
@@ -202,7 +202,7 @@ fn connecting_lanes(Beside { entries, exits }: &Beside) -> Vec<bool> {
     }
 }
 
-/// All other links, grouped by the lane end or start that they share.
+/// Returns all other links, grouped by the lane end or start that they share.
 fn nodes(lanes: usize, links: &[(LaneIx, LaneIx)], connecting: &[bool]) -> Vec<Node> {
     let open: Vec<(LaneIx, LaneIx)> =
         links.iter().copied().filter(|(from, to)| !connecting[*from] && !connecting[*to]).collect();

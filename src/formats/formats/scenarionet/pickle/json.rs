@@ -10,7 +10,7 @@ use crate::formats::json_numbers::without_nan;
 
 const BYTES_MAX: usize = 256 << 20;
 
-/// A whole JSON document.
+/// Reads a whole JSON document.
 ///
 /// Python's `NaN` and `Infinity` are read as `null`.
 ///
@@ -31,7 +31,7 @@ pub fn read_json<'a>(file: &'a str, bytes: &'a [u8]) -> Result<Pickle<'a>, Impor
     Ok(Pickle { file, kind: Kind::Scene, bytes, objects: made.objects, root, listed: Default::default() })
 }
 
-/// What was built so far.
+/// Objects built so far, and the number of values.
 #[derive(Default)]
 struct Made {
     objects: Vec<Object>,

@@ -8,10 +8,10 @@ use super::{Kind, OBJECTS_MAX, Object, Pickle, VALUES_MAX, Value};
 use crate::formats::import_error::{ImportError, shown};
 
 const BYTES_MAX: usize = 256 << 20;
-/// Copied items.
+/// Most copied items.
 const COPIES_MAX: usize = 16_000_000;
 const STACK_MAX: usize = 2_000_000;
-/// How far ahead of the memo's end a memo index may point.
+/// Largest distance of a memo index beyond the memo's end.
 const MEMO_JUMP_MAX: usize = 65_536;
 
 /// Reads one pickle.
@@ -25,7 +25,7 @@ pub fn read<'a>(file: &'a str, bytes: &'a [u8]) -> Result<Pickle<'a>, ImportErro
     Ok(read_as(file, bytes, Kind::Scene)?.0)
 }
 
-/// Reads one pickle of a checkpoint, which may hold torch's tensors and be followed by others. Says where it ends, too.
+/// Reads one pickle of a checkpoint, which may hold torch's tensors and be followed by others. Returns its end, too.
 ///
 /// # Errors
 /// As [`read`].
@@ -52,7 +52,7 @@ fn read_as<'a>(file: &'a str, bytes: &'a [u8], kind: Kind) -> Result<(Pickle<'a>
 
 const WRITE_AGAIN: &str = "load it in Python and write it again with pickle.dump(scene, file, protocol=4)";
 
-/// What a file is that does not begin as a pickle that is read: what was expected, and what to do.
+/// Describes a file that does not begin as a readable pickle: what was expected, and what to do.
 fn unread(bytes: &[u8]) -> Option<(String, &'static str)> {
     let expected = |found: &str| format!("a pickle of protocol 2 to 5, found {found}");
     Some(match bytes {
@@ -70,7 +70,7 @@ fn unread(bytes: &[u8]) -> Option<(String, &'static str)> {
     })
 }
 
-/// Protocols 0 and 1 have no head: a description begins with a dictionary, or with the name of its class.
+/// Returns `true` for protocols 0 and 1, which have no head: a description begins with a dictionary, or with the name of its class.
 pub fn is_headless(bytes: &[u8]) -> bool {
     is_of_protocol_1(bytes) || is_of_protocol_0(bytes)
 }
@@ -85,7 +85,7 @@ fn is_of_protocol_0(bytes: &[u8]) -> bool {
     matches!(bytes, [b'(', b'd' | b'l', b'p', b'0'..=b'9', ..]) || class
 }
 
-/// What follows the name of a class that stands at the beginning: `c`, its module and its name in a line each.
+/// Returns the bytes after the name of a class at the beginning: `c`, its module and its name in a line each.
 fn named_class(bytes: &[u8]) -> Option<&[u8]> {
     let named =
         |line: &[u8]| !line.is_empty() && line.iter().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'_' | b'.'));
@@ -157,7 +157,7 @@ impl Machine<'_> {
         text.map_err(|_| self.refuse("UTF-8 text"))
     }
 
-    /// Counts items about to be copied.
+    /// Counts items that are about to be copied.
     pub fn copies(&mut self, items: usize) -> Step<()> {
         self.copied = self.copied.saturating_add(items);
         if self.copied > COPIES_MAX {
@@ -216,7 +216,7 @@ impl Machine<'_> {
         self.push_object(Object::Text(range))
     }
 
-    /// Bytes; strings of Python 2 are texts where they are ASCII.
+    /// Reads bytes; strings of Python 2 are texts where they are ASCII.
     fn bytes(&mut self, count: usize, python2: bool) -> Step<()> {
         let range = self.take(count)?;
         let is_text = python2 && self.pickle.bytes[range.clone()].is_ascii();
@@ -337,7 +337,7 @@ impl Machine<'_> {
         self.push_object(Object::Tuple(items))
     }
 
-    /// One opcode; false at the end.
+    /// Runs one opcode. Returns `false` at the end.
     fn step(&mut self) -> Step<bool> {
         match self.byte()? as u8 {
             0x80 => {

@@ -1,6 +1,6 @@
-//! Python pickles (protocols 2 to 5) read as data. The opcodes that call something are interpreted only for a short
-//! list of names (numpy arrays, dictionaries, sets; in checkpoints torch's tensors); everything else is refused by name. No code is ever run, values
-//! are shared but never copied, and size, count and nesting are bounded. [`write()`] makes pickles of such data.
+//! Python pickles (protocols 2 to 5) read as data. The opcodes that call something are interpreted only for a short list of
+//! names (numpy arrays, dictionaries, sets; in checkpoints torch's tensors); all others are refused by name. No code is ever run,
+//! values are shared but never copied, and size, count and nesting are bounded. [`write()`] makes pickles of such data.
 
 mod json;
 mod machine;
@@ -20,18 +20,18 @@ pub use write::{Lists, write};
 
 use crate::formats::import_error::{ImportError, shown};
 
-/// A record (a dictionary read by its keys) has no more entries than this.
+/// Most entries of a record (a dictionary read by its keys).
 const RECORD_KEYS_MAX: usize = 256;
 
 /// Longest id, bytes: one long text could otherwise be the id of a million things.
 const ID_BYTES_MAX: usize = 256;
-/// Entries of a dictionary whose keys are ids.
+/// Most entries of a dictionary whose keys are ids.
 const ENTRIES_MAX: usize = 500_000;
-/// Lists, dictionaries, texts and the like of one document.
+/// Most lists, dictionaries, texts and the like of one document.
 const OBJECTS_MAX: usize = 4_000_000;
-/// Values in all lists and dictionaries of one document.
+/// Most values in all lists and dictionaries of one document.
 const VALUES_MAX: usize = 16_000_000;
-/// Items of lists that are read as tables; a list may be read by many.
+/// Most items of lists that are read as tables; a list may be read many times.
 const LISTED_MAX: usize = 64_000_000;
 
 /// A value of a pickle. Compound ones live in its [`Pickle`].
@@ -49,13 +49,13 @@ pub enum Value {
     Object(u32),
 }
 
-/// What a compound value is.
+/// A compound value.
 #[derive(Debug)]
 pub(super) enum Object {
     /// Bytes of the file, valid UTF-8.
     Text(Range<usize>),
     Bytes(Range<usize>),
-    /// Texts and bytes that do not stand in the file as they are.
+    /// Texts and bytes that are not in the file as they are.
     OwnedText(String),
     OwnedBytes(Vec<u8>),
     List(Vec<Value>),
@@ -76,11 +76,11 @@ pub struct Pickle<'a> {
     bytes: &'a [u8],
     objects: Vec<Object>,
     root: Value,
-    /// Items of lists read as tables so far.
+    /// Number of items of lists read as tables so far.
     listed: Cell<usize>,
 }
 
-/// What a document is read for: which names it may use, and what is to be done about one that cannot be read.
+/// Purpose of reading a document: it decides the names that are allowed, and the advice for one that cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Scene,
@@ -105,7 +105,7 @@ pub struct Node<'p> {
 }
 
 impl<'a> Pickle<'a> {
-    /// The value that the pickle holds.
+    /// Returns the value that the pickle holds.
     pub fn root(&self) -> Node<'_> {
         Node { pickle: self, value: self.root, path: String::new() }
     }
@@ -125,7 +125,7 @@ impl<'a> Pickle<'a> {
         }
     }
 
-    /// Whether a value is this text. A text of another length is not compared.
+    /// Returns `true` if a value is this text. A text of another length is not compared.
     fn is_text(&self, value: Value, text: &str) -> bool {
         match self.object(value) {
             Some(Object::Text(range)) => {
@@ -136,7 +136,7 @@ impl<'a> Pickle<'a> {
         }
     }
 
-    /// A text that is short enough for an id.
+    /// Returns a text that is short enough for an id.
     fn id_text(&self, value: Value) -> Option<&str> {
         match self.object(value)? {
             Object::Text(range) if range.len() > ID_BYTES_MAX => None,
@@ -159,12 +159,12 @@ impl<'p> Node<'p> {
         Node { pickle: self.pickle, value, path: format!("{}[{step}]", self.path) }
     }
 
-    /// Whether it is Python's `None`.
+    /// Returns `true` if it is Python's `None`.
     pub fn is_none(&self) -> bool {
         self.value == Value::None
     }
 
-    /// An error at this value.
+    /// Makes an error at this value.
     pub fn refuse(&self, expected: impl Into<String>) -> ImportError {
         let place = if self.path.is_empty() { "the whole pickle".to_string() } else { self.path.clone() };
         let expected = format!("{}, found {}", expected.into(), self.described());
@@ -193,17 +193,17 @@ impl<'p> Node<'p> {
         }
     }
 
-    /// Its text, if it is one.
+    /// Returns its text, if it is one.
     pub fn text(&self) -> Option<&'p str> {
         self.pickle.text(self.value)
     }
 
-    /// Its text; an error names the place where one is missing.
+    /// Returns its text; an error names the place where one is missing.
     pub fn needed_text(&self) -> Result<&'p str, ImportError> {
         self.text().ok_or_else(|| self.refuse("a text"))
     }
 
-    /// A text of at most 256 bytes, or a whole number as text: ids come as both.
+    /// Returns a text of at most 256 bytes, or a whole number as text: ids come as both.
     pub fn id(&self) -> Option<Cow<'p, str>> {
         match self.value {
             Value::Int(number) => Some(Cow::Owned(number.to_string())),
@@ -211,7 +211,7 @@ impl<'p> Node<'p> {
         }
     }
 
-    /// A number, also of an array with one element.
+    /// Returns a number, also of an array with one element.
     pub fn number(&self) -> Option<f64> {
         match self.value {
             Value::Int(i) => Some(i as f64),
@@ -224,25 +224,25 @@ impl<'p> Node<'p> {
         }
     }
 
-    /// A whole number of at most 10^9 that is not negative, if it is one.
+    /// Returns a whole number of at most 10^9 that is not negative, if it is one.
     pub fn index(&self) -> Option<usize> {
         let number = self.number()?;
         ((0.0..=1e9).contains(&number) && number.fract() == 0.0).then_some(number as usize)
     }
 
-    /// The value under a text key of a dictionary.
+    /// Returns the value under a text key of a dictionary.
     pub fn get(&self, key: &str) -> Option<Node<'p>> {
         let Some(Object::Dict(entries)) = self.pickle.object(self.value) else { return None };
         let records = entries.iter().take(RECORD_KEYS_MAX).find(|(k, _)| self.pickle.is_text(*k, key));
         records.map(|(_, value)| self.of(*value, format_args!("{key:?}")))
     }
 
-    /// The value under a key; an error names the key that is missing.
+    /// Returns the value under a key; an error names the key that is missing.
     pub fn needed(&self, key: &str) -> Result<Node<'p>, ImportError> {
         self.get(key).ok_or_else(|| self.refuse(format!("a dictionary with {key:?}")))
     }
 
-    /// Entries of a dictionary of at most 500 000 whose keys are ids, in file order.
+    /// Returns the entries of a dictionary of at most 500 000 whose keys are ids, in file order.
     pub fn entries(&self) -> Option<Vec<(Cow<'p, str>, Node<'p>)>> {
         let Some(Object::Dict(entries)) = self.pickle.object(self.value) else { return None };
         if entries.len() > ENTRIES_MAX {
@@ -257,7 +257,7 @@ impl<'p> Node<'p> {
         Some(records)
     }
 
-    /// Items of a list, tuple, set or one-dimensional array of objects.
+    /// Returns the items of a list, tuple, set or one-dimensional array of objects.
     pub fn items(&self) -> Option<impl ExactSizeIterator<Item = Node<'p>> + use<'p>> {
         let items = match self.pickle.object(self.value)? {
             Object::List(items) | Object::Tuple(items) | Object::Set(items) => items,
@@ -268,12 +268,12 @@ impl<'p> Node<'p> {
         Some(items.iter().enumerate().map(move |(k, value)| node.of(*value, k)))
     }
 
-    /// A table of numbers: an array of one or two dimensions, or a list of numbers or of rows.
+    /// Returns a table of numbers: an array of one or two dimensions, or a list of numbers or of rows.
     pub fn numbers(&self) -> Option<Numbers<'p>> {
         self.pickle.numbers(self.value)
     }
 
-    /// Its numbers; an error names the place where they are missing.
+    /// Returns its numbers; an error names the place where they are missing.
     pub fn needed_numbers(&self) -> Result<Numbers<'p>, ImportError> {
         self.numbers().ok_or_else(|| self.refuse("numbers in an array or a list"))
     }

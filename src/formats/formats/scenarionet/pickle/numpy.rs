@@ -8,9 +8,9 @@ use super::torch::Tensor;
 use super::{Object, Pickle, Value};
 use crate::formats::import_error::ImportError;
 
-/// Elements of the largest array.
+/// Most elements of an array.
 const ELEMENTS_MAX: usize = 64_000_000;
-/// Arguments, states and shapes are short.
+/// Most arguments, items of a state, and dimensions of a shape.
 const FEW: usize = 16;
 
 /// A name that is harmless because it is known.
@@ -29,11 +29,11 @@ pub enum Global {
     ByteArray,
     /// Torch's tensor, over the numbers of a storage.
     Tensor,
-    /// A tensor that is trained; what it is made of is the tensor.
+    /// A tensor that is trained, read as the tensor that it is made of.
     Parameter,
-    /// What the numbers of a storage are: the name of its class, and bytes of a number.
+    /// Type of the numbers of a storage: the name of its class, and bytes of a number.
     StorageType(&'static str, usize),
-    /// A built-in type that a `defaultdict` makes its new values of: a name in a file, never applied.
+    /// A built-in type that makes the new values of a `defaultdict`: a name in a file, never applied.
     Factory,
 }
 
@@ -86,7 +86,7 @@ impl Dtype {
     fn named(name: &str) -> Option<Dtype> {
         let big_endian = name.starts_with('>');
         let name = name.trim_start_matches(['<', '>', '=', '|']);
-        // The unit of a time, as in `M8[ns]`, says nothing of its bytes.
+        // The unit of a time, as in `M8[ns]`, does not change its bytes.
         let name = name.split('[').next().unwrap_or(name);
         let kind = match name.chars().next()? {
             'f' => Kind::Float,
@@ -112,7 +112,7 @@ impl Dtype {
         sound.then_some(Dtype { kind, size, big_endian })
     }
 
-    /// The element at a place in the bytes; NaN where there is none.
+    /// Returns the element at an index in the bytes; NaN where there is none.
     fn number(&self, bytes: &[u8], index: usize) -> f64 {
         let from = index * self.size;
         let mut wide = [0u8; 8];
@@ -135,11 +135,11 @@ impl Dtype {
     }
 }
 
-/// A number of IEEE 754's half precision: 1 bit of sign, 5 of exponent, 10 of fraction.
+/// Decodes a number of IEEE 754's half precision: 1 bit of sign, 5 of exponent, 10 of fraction.
 fn half(bits: u16) -> f64 {
     let sign = if bits >> 15 == 1 { -1.0 } else { 1.0 };
     let (exponent, fraction) = (u64::from(bits >> 10 & 31), f64::from(bits & 1023) / 1024.0);
-    // Powers of two are exact: their exponent stands in the bits.
+    // Powers of two are exact: their exponent is in the bits.
     let power = |exponent: u64| f64::from_bits((exponent + 1023 - 15) << 52);
     match exponent {
         0 => sign * fraction * power(1),
@@ -176,7 +176,7 @@ enum Cells<'p> {
 }
 
 impl Numbers<'_> {
-    /// NaN beyond the table.
+    /// Returns the number at a place; NaN beyond the table.
     pub fn at(&self, row: usize, column: usize) -> f64 {
         if row >= self.rows || column >= self.columns {
             return f64::NAN;
@@ -205,7 +205,7 @@ impl Pickle<'_> {
         }
     }
 
-    /// Items of an array of objects.
+    /// Returns the items of an array of objects.
     pub(super) fn array_items(&self, array: &Array) -> Option<&Vec<Value>> {
         match self.object(array.data)? {
             Object::List(items) if array.dtype.kind == Kind::Object && array.shape.len() == 1 => Some(items),
@@ -213,13 +213,13 @@ impl Pickle<'_> {
         }
     }
 
-    /// A list of numbers, or of equally long rows of numbers. Rows are looked at one level deep.
+    /// Reads a list of numbers, or of equally long rows of numbers. Rows are looked at one level deep.
     fn listed(&self, items: &[Value]) -> Option<Numbers<'_>> {
         let plain = |value: Value| match value {
             Value::Int(i) => Some(i as f64),
             Value::Float(f) => Some(f),
             Value::Bool(b) => Some(f64::from(u8::from(b))),
-            // What JSON has in place of NaN.
+            // JSON's form of NaN.
             Value::None => Some(f64::NAN),
             _ => None,
         };
@@ -253,7 +253,7 @@ impl Pickle<'_> {
     }
 }
 
-/// Rows and columns of a shape of at most two dimensions, or with further ones of size 1.
+/// Returns rows and columns of a shape of at most two dimensions, or with further ones of size 1.
 fn table(shape: &[usize]) -> Option<(usize, usize)> {
     match shape {
         [] => Some((1, 1)),
@@ -263,7 +263,7 @@ fn table(shape: &[usize]) -> Option<(usize, usize)> {
     }
 }
 
-/// The value that a call of a known name gives.
+/// Returns the value that a call of a known name gives.
 pub(super) fn applied(machine: &mut Machine<'_>, callee: Value, arguments: Value) -> Result<Value, ImportError> {
     let Some(Object::Global(global)) = machine.pickle.object(callee) else {
         return Err(machine.refuse("a known name to apply"));
@@ -347,7 +347,7 @@ pub(super) fn applied(machine: &mut Machine<'_>, callee: Value, arguments: Value
     }
 }
 
-/// A short list or tuple, looked at without a copy.
+/// Returns a short list or tuple, looked at without a copy.
 fn few_items<'m>(machine: &'m Machine<'_>, value: Value) -> Option<&'m [Value]> {
     match machine.pickle.object(value)? {
         Object::List(items) | Object::Tuple(items) if items.len() <= FEW => Some(items),
@@ -355,7 +355,7 @@ fn few_items<'m>(machine: &'m Machine<'_>, value: Value) -> Option<&'m [Value]> 
     }
 }
 
-/// A copy of a list or tuple; an empty list for any other value. Copies are counted, because a hostile file could have
+/// Returns a copy of a list or tuple; an empty list for any other value. Copies are counted, because a hostile file could have
 /// a shared list copied very often.
 fn all_items(machine: &mut Machine<'_>, value: Value) -> Result<Vec<Value>, ImportError> {
     let items = match machine.pickle.object(value) {
@@ -394,7 +394,7 @@ fn utf32(bytes: &[u8]) -> Option<char> {
     char::from_u32(code).filter(|c| *c != '\0')
 }
 
-/// The value after a state was added to it.
+/// Adds a state to a value.
 pub(super) fn built(machine: &mut Machine<'_>, target: Value, state: Value) -> Result<(), ImportError> {
     match machine.pickle.object(target) {
         Some(Object::Array(_)) => {

@@ -1,11 +1,11 @@
-//! Torch's tensors in the pickle of a checkpoint: which numbers of which storage. The numbers stand outside the pickle.
+//! Torch's tensors in the pickle of a checkpoint: their storages, and their numbers' places in them. The numbers lie outside the pickle.
 
 use super::machine::Machine;
 use super::numpy::Global;
 use super::{Node, Object, Pickle, Value};
 use crate::formats::import_error::ImportError;
 
-/// Dimensions of a tensor.
+/// Most dimensions of a tensor.
 const DIMENSIONS_MAX: usize = 8;
 
 /// Classes of storages, with the bytes of a number.
@@ -24,7 +24,7 @@ const STORAGES: [(&str, usize); 12] = [
     ("ComplexDoubleStorage", 16),
 ];
 
-/// The names that a checkpoint may use beyond those of a scene.
+/// Returns the names that a checkpoint may use beyond those of a scene.
 pub(super) fn named(module: &str, name: &str) -> Option<Global> {
     match (module, name) {
         ("torch._utils", "_rebuild_tensor_v2") => Some(Global::Tensor),
@@ -46,18 +46,18 @@ fn whole(value: Value) -> Option<usize> {
 /// Numbers that lie outside the pickle, under a key.
 #[derive(Clone, Debug)]
 pub struct Storage {
-    /// Under which the file has them.
+    /// Key under which the file has them.
     pub key: String,
     /// Its class in torch, such as `FloatStorage`.
     pub class: &'static str,
     /// Bytes of a number.
     pub number_bytes: usize,
-    /// How many numbers it has.
+    /// Number of its numbers.
     pub count: usize,
 }
 
 impl Storage {
-    /// Of a persistent id: `("storage", class, key, device, count)`, of old files with a sixth item.
+    /// Reads a persistent id: `("storage", class, key, device, count)`, of old files with a sixth item.
     pub(super) fn of(machine: &mut Machine<'_>, id: Value) -> Result<Storage, ImportError> {
         let storage = machine.pickle.storage(id);
         let storage = storage.ok_or_else(|| machine.refuse("the id of a storage: its class, key, device and count"))?;
@@ -66,20 +66,20 @@ impl Storage {
     }
 }
 
-/// A tensor: where its numbers stand in a storage.
+/// A tensor: the places of its numbers in a storage.
 #[derive(Clone, Debug)]
 pub struct Tensor {
     storage: Value,
-    /// Its first number's place in the storage.
+    /// Index of its first number in the storage.
     pub offset: usize,
     /// Length of each dimension.
     pub shape: Vec<usize>,
-    /// From one number to the next of each dimension.
+    /// Distance from one number to the next of each dimension.
     pub strides: Vec<usize>,
 }
 
 impl Tensor {
-    /// Of the arguments from which torch builds it: storage, offset, shape, strides, and what training needs.
+    /// Reads the arguments from which torch builds it: storage, offset, shape, strides, and data for training.
     pub(super) fn of(machine: &mut Machine<'_>, arguments: &[Value]) -> Result<Tensor, ImportError> {
         // A hostile file may have one tensor built very often.
         machine.copies(2 * DIMENSIONS_MAX)?;
@@ -87,7 +87,7 @@ impl Tensor {
         tensor.ok_or_else(|| machine.refuse("storage, offset, shape and strides of a tensor"))
     }
 
-    /// Where in its storage a number stands, counted with the last dimension running fastest; `None` beyond all measure.
+    /// Returns the index in its storage of a number, counted with the last dimension running fastest; `None` if it overflows.
     pub fn place(&self, mut index: usize) -> Option<usize> {
         let mut place = self.offset;
         for (length, stride) in self.shape.iter().zip(&self.strides).rev() {
@@ -121,7 +121,7 @@ impl Pickle<'_> {
         is_sound.then_some(Tensor { storage, offset, shape, strides })
     }
 
-    /// The storages that tensors refer to, in the order of the file.
+    /// Yields the storages that tensors refer to, in the order of the file.
     pub fn storages(&self) -> impl Iterator<Item = &Storage> {
         self.objects.iter().filter_map(|object| match object {
             Object::Storage(storage) => Some(storage),
@@ -131,7 +131,7 @@ impl Pickle<'_> {
 }
 
 impl<'p> Node<'p> {
-    /// A tensor and its storage, if it is one.
+    /// Returns a tensor and its storage, if it is one.
     pub fn tensor(&self) -> Option<(&'p Tensor, &'p Storage)> {
         let Some(Object::Tensor(tensor)) = self.pickle.object(self.value) else { return None };
         match self.pickle.object(tensor.storage) {

@@ -13,7 +13,7 @@ pub enum Lists {
 }
 
 const PROTOCOL_4: &[u8] = b"\x80\x04";
-/// Puts what arrays are made of into the memo and takes it off the stack again: 0 the constructor, 1 the class, 2 and 3
+/// Puts the parts of arrays into the memo and takes them off the stack again: 0 the constructor, 1 the class, 2 and 3
 /// the element types.
 const ARRAY_PARTS: [&[u8]; 4] = [
     b"cnumpy.core.multiarray\n_reconstruct\n\x940",
@@ -24,7 +24,7 @@ const ARRAY_PARTS: [&[u8]; 4] = [
 const FLOATS: u8 = 2;
 const BOOLEANS: u8 = 3;
 
-/// The pickle of a value. Tuples and sets become lists.
+/// Returns the pickle of a value. Tuples and sets become lists.
 pub fn write(root: &Node<'_>, lists: Lists) -> Vec<u8> {
     let mut writer = Writer { out: PROTOCOL_4.to_vec(), lists };
     if lists == Lists::Arrays {
@@ -100,7 +100,7 @@ impl Writer {
         self.out.push(b'e');
     }
 
-    /// What numpy's own pickles hold: an empty array, then its version, shape, element type, order and bytes.
+    /// Writes the content of numpy's own pickles: an empty array, then its version, shape, element type, order and bytes.
     fn array(&mut self, table: &Numbers<'_>, booleans: bool, has_rows: bool) {
         self.out.extend_from_slice(b"h\x00h\x01K\x00\x85C\x01b\x87R(K\x01");
         self.int(table.rows as i64);

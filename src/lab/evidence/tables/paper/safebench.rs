@@ -13,13 +13,13 @@ pub const EGO: &str = "RL";
 pub struct Method {
     /// Row of the main table.
     pub name: &'static str,
-    /// What it stands for, in captions.
+    /// Full name, in captions.
     pub title: &'static str,
     /// Source family of our lineages.
     pub family: &'static str,
     /// Label of its table by round.
     pub rounds_label: &'static str,
-    /// In the order of `MAIN_COLUMNS`.
+    /// Figures in the order of `MAIN_COLUMNS`.
     main: [f64; 13],
     rounds: &'static Rounds,
 }

@@ -2,8 +2,8 @@
 //! the weights and says in words what each sub-score measures; their formulas are ours, of soft diagnostics
 //! `1 - min(v / rho, 1)` whose bounds and tolerances come from the experiment file:
 //!
-//! - S_kin, bounded and smooth motion: mean of three, for what the acceleration's 95th percentile, the largest lateral
-//!   acceleration and the mean jerk exceed their bounds by. Percentile and mean, because bang-bang pedals and walkers
+//! - S_kin, bounded and smooth motion: mean of three, for the excess of the acceleration's 95th percentile, the largest lateral
+//!   acceleration and the mean jerk over their bounds. Percentile and mean, because bang-bang pedals and walkers
 //!   that start at full speed have single extreme steps by construction.
 //! - S_map, road map and route geometry: mean of two, for metres beyond the drivable area and metres against a lane.
 //!   Someone on foot is judged by the first alone.
@@ -12,7 +12,7 @@
 //! - S_dist, distance consistency: mean of three: nobody overlaps at the start and the gap to the ego there is enough;
 //!   adversaries keep apart from each other; no motion jumps.
 //!
-//! Of several adversaries the worst counts in each sub-score. What is parked is judged by its distances alone. Each is
+//! Of several adversaries the worst counts in each sub-score. A parked one is judged by its distances alone. Each is
 //! judged until its encounter with the ego is over (`sim::Driving`).
 //!
 //! A run in which nobody was set off and nobody staged met the ego is no scenario: it is invalid and has no sub-scores, so
@@ -33,9 +33,9 @@ pub const WEIGHTS: [f64; 4] = [0.40, 0.30, 0.20, 0.10];
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BoundedOptions {
-    /// What is still plausible.
+    /// Largest value that is still plausible.
     pub bound: f64,
-    /// rho for what lies beyond; positive.
+    /// rho for the excess over the bound; positive.
     pub tolerance: f64,
 }
 
@@ -43,11 +43,11 @@ pub struct BoundedOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KinematicsOptions {
-    /// Of the 95th percentile of the absolute longitudinal acceleration, m/s².
+    /// Bound on the 95th percentile of the absolute longitudinal acceleration, m/s².
     pub acceleration: BoundedOptions,
-    /// Of the largest lateral acceleration, m/s².
+    /// Bound on the largest lateral acceleration, m/s².
     pub lateral_acceleration: BoundedOptions,
-    /// Of the mean absolute jerk, m/s³.
+    /// Bound on the mean absolute jerk, m/s³.
     pub jerk: BoundedOptions,
 }
 
@@ -65,9 +65,9 @@ pub struct MapOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InteractionOptions {
-    /// Of the relative speed at a contact of ego and adversary, m/s.
+    /// Bound on the relative speed at a contact of ego and adversary, m/s.
     pub impact_speed: BoundedOptions,
-    /// Of the smallest distance between ego and adversaries, metres.
+    /// Bound on the smallest distance between ego and adversaries, metres.
     pub approach: BoundedOptions,
 }
 
@@ -83,7 +83,7 @@ pub struct DistanceOptions {
     pub jump_tolerance_m: f64,
 }
 
-/// What a run must keep to be a valid scene at all.
+/// Conditions of a valid scene.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ValidityOptions {
@@ -93,7 +93,7 @@ pub struct ValidityOptions {
     pub off_road_m_max: f64,
 }
 
-/// Everything that ARS rests on beside its weights. From the experiment file.
+/// Options of ARS besides its weights. From the experiment file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArsOptions {
@@ -105,7 +105,7 @@ pub struct ArsOptions {
     pub interaction: InteractionOptions,
     /// Gaps and jumps.
     pub distance: DistanceOptions,
-    /// Which runs are valid at all.
+    /// Conditions of a valid run.
     pub validity: ValidityOptions,
     /// True if ARS is over all runs, those that the program does not act in judged by the same sub-scores.
     #[serde(default, skip_serializing_if = "is_unsaid")]

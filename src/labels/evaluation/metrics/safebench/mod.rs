@@ -15,13 +15,13 @@ pub use ars::{
 pub use overall::{Criteria, criteria, staged_run};
 pub use preventable::{PreventableOptions, StandingOptions};
 
-/// What SafeBench's protocol rests on beside its formulas.
+/// Options of SafeBench's protocol besides its formulas.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SafebenchOptions {
     /// Scenes that balanced selection keeps per group of family and route; at least 1.
     pub selected_per_group: usize,
-    /// What the realism score rests on.
+    /// Options of the realism score.
     pub ars: ArsOptions,
     /// The stricter reading; without it every staged contact counts, as SafeBench counts.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -1,4 +1,4 @@
-//! What doing nothing is worth in SafeBench's protocol: nothing.
+//! Tests that doing nothing is worth nothing in SafeBench's protocol.
 
 use std::collections::BTreeMap;
 

@@ -15,7 +15,7 @@ const ACCELERATION_MPS2: f64 = 8.0;
 const YAW_RATE_RADPS: f64 = 3.0;
 const LANE_INVASIONS: f64 = 20.0;
 
-/// What the overall score reads of an outcome; `None` of a scene that is not staged for a traffic family.
+/// Returns the quantities of an outcome that the overall score uses; `None` for a scene that is not staged for a traffic family.
 pub fn staged_run(outcome: &Outcome) -> Option<Run> {
     let driving = outcome.driving.as_ref()?;
     let yaw_rate_radps = if driving.duration_s > 0.0 { driving.yaw_change_rad / driving.duration_s } else { 0.0 };
@@ -40,11 +40,11 @@ pub fn staged_run(outcome: &Outcome) -> Option<Run> {
 pub struct Criteria {
     /// CR: share of runs that ended with a collision with a road user that the program staged.
     pub collision_rate: f64,
-    /// RL and SS: mean counts.
+    /// RL: mean count of red lights run.
     pub red_lights: f64,
-    /// Stop signs passed without standing still.
+    /// SS: mean count of stop signs passed without standing still.
     pub stop_signs: f64,
-    /// OR: mean metres.
+    /// OR: mean metres off the road.
     pub off_road_m: f64,
     /// RF: `max(1 - d / 5 m, 0)` of the mean distance d to the route.
     pub route_following: f64,
@@ -298,7 +298,7 @@ mod tests {
 
     #[test]
     fn chatscenes_own_function_gives_the_same_scores_for_the_same_records() {
-        // Random drives in the form of its records, and what its `get_route_scores` (commit abb98629) answered for them.
+        // Random drives in the form of ChatScene's records, with the answers of its `get_route_scores` (commit abb98629) for them.
         #[derive(Deserialize)]
         struct Records {
             answer: std::collections::BTreeMap<String, f64>,

@@ -1,6 +1,6 @@
-//! The stricter reading of SafeBench's runs, beside the published one in which every staged contact counts: only what a careful ego would
-//! have prevented is a collision, and nobody wins by a motion that traffic does not have. ARS weighs these too, but its floor of 0.8 leaves
-//! room for them. The paper has no such reading; it is ours.
+//! The stricter reading of SafeBench's runs, beside the published one in which every staged contact counts: only a contact that a careful
+//! ego would have prevented is a collision, and motion that traffic does not show wins nothing. ARS weighs these too, but its floor of 0.8
+//! leaves room for them. The paper has no such reading; it is ours.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,9 +14,9 @@ use crate::sim::{AdversaryReport, Contact, ContactClass, Outcome};
 pub struct PreventableOptions {
     /// Farthest that anyone but a pedestrian may drive against a lane in a valid scene, metres.
     pub wrong_way_m_max: f64,
-    /// Farthest that anyone but a pedestrian may go where rolling does not take them, metres within 6 s; needs `simulator.of_kind`.
+    /// Farthest that anyone but a pedestrian may move where rolling does not take them, metres within 6 s; needs `simulator.of_kind`.
     pub unrolled_m_max: f64,
-    /// When a contact with a body that stands in the ego's way counts; without it like any other.
+    /// Conditions for a contact with a body that stands in the ego's way to count; without them it counts like any other.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub standing: Option<StandingOptions>,
 }
@@ -26,14 +26,14 @@ pub struct PreventableOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StandingOptions {
-    /// For how long the ego must have seen the body that stands, s: the careful driver's time to stop.
+    /// Least time for which the ego must have seen the body that stands, s: the careful driver's time to stop.
     pub visible_s_min: f64,
-    /// How fast anybody whom the ego meets must once have been, m/s: what never moved in earnest did not come there by its script.
+    /// Least top speed of anybody whom the ego meets, m/s: a body that never moved in earnest did not come there by its script.
     pub speed_mps_min: f64,
 }
 
 impl StandingOptions {
-    /// Whether a contact with an adversary passes the fence. A body that crept all the way is as good as one that stands.
+    /// Returns `true` if a contact with an adversary passes the fence. A body that crept all the way is treated as one that stands.
     fn lets_count(&self, contact: &Contact, outcome: &Outcome) -> bool {
         let reports = outcome.adversaries.iter().filter(|report| report.actor == contact.with);
         let came = reports.into_iter().any(|report| report.motion.speed_mps_max >= self.speed_mps_min);
@@ -60,8 +60,8 @@ impl PreventableOptions {
         offending.map(|(name, _)| (name, "a number not below 0"))
     }
 
-    /// The published labels of a run under this reading. A contact that does not count ends the run all the same: what the ego did
-    /// until then is scored, and its route counts as completed, so that the overall score does not fall by it.
+    /// Returns the published labels of a run under this reading. A contact that does not count still ends the run: the ego is scored
+    /// until then, and its route counts as completed, so that the overall score does not fall by it.
     pub(in crate::evaluation) fn read(&self, outcome: &Outcome, published: SafebenchRun) -> SafebenchRun {
         let SafebenchRun { mut run, mut realism, search_rollouts } = published;
         let staged = outcome.contact.filter(|contact| contact.adversary);
@@ -75,7 +75,7 @@ impl PreventableOptions {
     }
 
     fn holds(&self, report: &AdversaryReport) -> bool {
-        // Someone on foot has neither wheels nor a lane; whatever stands has no way of its own that it could take.
+        // A pedestrian has neither wheels nor a lane; a standing body has no way of its own that it could take.
         if report.kind == AgentKind::Pedestrian {
             return true;
         }

@@ -1,4 +1,4 @@
-//! Simulated road users of the plain rollout: each is moved on straight from its action, its script, its law or its path.
+//! Simulated road users of the plain rollout: each moves by its action, its script, its law or its path.
 
 use crate::kernel::{Vec2, num};
 use crate::scene::{DT_S, Sample};
@@ -13,7 +13,7 @@ use crate::sim::{Action, ActorRef, Intervention, Plant};
 use super::laws::Obeying;
 use super::scripts::Acting;
 
-/// What a simulated road user goes by.
+/// Source of a simulated road user's motion.
 #[expect(clippy::large_enum_variant, reason = "one is made for a road user, in tests alone")]
 pub(super) enum Mind<'a> {
     /// The samples of an action, or the recording before they begin.
@@ -48,7 +48,7 @@ pub(super) struct Body<'a> {
     pub places: [Place; SUBSTEPS + 1],
 }
 
-/// The first step at which an action changes something; a script stands there from the beginning.
+/// Returns the first step at which an action changes something; a script stands there from the beginning.
 pub(super) fn begins(action: &Action) -> usize {
     match action {
         Action::Follow { from_step, .. }
@@ -59,7 +59,7 @@ pub(super) fn begins(action: &Action) -> usize {
     }
 }
 
-/// Where an action puts its road user at a step of the scene, as long as nothing but its samples moves it.
+/// Returns the sample at which an action puts its road user at a step of the scene, as long as only its samples move it.
 fn sample_at(plant: &Plant, action: &Action, step: usize) -> Option<Sample> {
     match action {
         Action::Triggered(script) => Some(Sample {
@@ -93,7 +93,7 @@ impl<'a> Body<'a> {
         Body { who, size, action, mind, now, axis, next: None, next_axis: axis, places }
     }
 
-    /// The adversaries at the first step, in the order of the actions.
+    /// Returns the adversaries at the first step, in the order of the actions.
     pub fn adversaries(plant: &'a Plant, act: &'a Intervention) -> Vec<Body<'a>> {
         let (mut bodies, mut inserted) = (Vec::new(), 0);
         for (i, action) in act.actions.iter().enumerate() {
@@ -124,7 +124,7 @@ impl<'a> Body<'a> {
         bodies
     }
 
-    /// Traffic that turns reactive at the k-th step along a path that the scene was prepared with.
+    /// Makes traffic that turns reactive at the k-th step along a path that the scene was prepared with.
     pub fn reacting(plant: &Plant, track: usize, k: usize, path: &'a Path) -> Body<'a> {
         let of = &plant.scene().tracks[track];
         let mut now = *of.at(plant.first_step() + k).unwrap();
@@ -136,12 +136,12 @@ impl<'a> Body<'a> {
         Body::new(ActorRef::Track(track), plant.size_of(of.kind, of.length_m, of.width_m), None, mind, Some(now))
     }
 
-    /// The step at which reactive traffic appeared.
+    /// Returns the step at which reactive traffic appeared.
     pub fn born(&self) -> Option<usize> {
         if let Mind::Path { born, .. } = self.mind { Some(born) } else { None }
     }
 
-    /// Works out the next pose and the places in between; `k` is the present simulated step.
+    /// Computes the next pose and the places in between; `k` is the present simulated step.
     pub fn plan(&mut self, plant: &Plant, act: &Intervention, k: usize, ego: &EgoForecast) {
         let action = self.action.map(|i| &act.actions[i]);
         let step = plant.first_step() + k;
@@ -197,7 +197,7 @@ impl<'a> Body<'a> {
         (self.next, self.next_axis) = (Some(cars[SUBSTEPS - 1].sample()), cars[SUBSTEPS - 1].axis);
     }
 
-    /// Straight from the present pose to the next; who leaves coasts until then.
+    /// Goes straight from the present pose to the next; a road user that leaves coasts until then.
     fn go_straight(&mut self) {
         self.next_axis = self.next.map_or(self.axis, |next| Vec2::from_heading(next.heading_rad));
         let Some(now) = self.now else { return };

@@ -1,5 +1,5 @@
-//! Laws in their plainest form: everything that can be observed is observed at every step, of everyone who is there, and the
-//! road is walked over piece by piece. Every number is written out here once more; nothing of `obedience.rs` is used.
+//! Laws in their plainest form: every step observes everything that can be observed, of everyone who is there, and walks over the
+//! road piece by piece. Every number is written out here once more; nothing of `obedience.rs` is used.
 
 use crate::kernel::{Vec2, num};
 use crate::scene::{DT_S, Sample};
@@ -34,11 +34,11 @@ struct Driving {
 /// Everyone at a decision step, before anybody moves.
 pub(super) struct Around<'a> {
     pub plant: &'a Plant,
-    /// All but the ego, its own body among them.
+    /// Everyone but the ego, its own body among them.
     pub others: &'a [Other],
     pub k: usize,
     pub ego: &'a EgoForecast,
-    /// How far along its route the ego is, metres.
+    /// Distance of the ego along its route, metres.
     pub ego_s_m: f64,
     pub count: usize,
 }
@@ -53,7 +53,7 @@ pub(super) struct Own {
 }
 
 impl<'a> Obeying<'a> {
-    /// `None` where the samples have no path.
+    /// Makes it at the samples' first step. `None` where the samples have no path.
     pub fn new(law: &'a Law, from_step: usize, samples: &'a [Sample]) -> Option<Obeying<'a>> {
         let points: Vec<Vec2> = samples.iter().map(|sample| sample.position).collect();
         let path = Path::bare(&points, samples[0].heading_rad)?;
@@ -131,7 +131,7 @@ impl<'a> Obeying<'a> {
         }
     }
 
-    /// Where the way of the samples first comes within 2 m of the ego's route: along each, metres. Looked up at every step.
+    /// Returns the distances along both ways at which the samples first come within 2 m of the ego's route, metres, looked up every step.
     fn conflict(&self, around: &Around<'_>) -> Option<(f64, f64)> {
         let (route, points) = (&around.plant.route, self.path.points());
         let mut known = route.project(points[0]);
@@ -148,7 +148,7 @@ impl<'a> Obeying<'a> {
         None
     }
 
-    /// One decision step under the law; `None` before its onset.
+    /// Drives one decision step under the law; `None` before its onset.
     pub fn drive(&mut self) -> Option<[Car; SUBSTEPS]> {
         let driving = self.driving.as_mut()?;
         let car = driving.car;
@@ -172,7 +172,7 @@ fn look_m(car: &Car) -> f64 {
     f64::max(4.0, 0.6 * car.speed_mps)
 }
 
-/// How far the road goes on beside a vehicle, metres: ten places half a metre apart, each looked for among all pieces.
+/// Returns how far the road goes on beside a vehicle, metres: ten places half a metre apart, each looked for among all pieces.
 fn room_m(plant: &Plant, place: Place, half_width_m: f64, side: f64) -> f64 {
     let left = place.axis.left();
     let (from, aside) = (place.position + left * (side * half_width_m), left * side);
@@ -182,7 +182,7 @@ fn room_m(plant: &Plant, place: Place, half_width_m: f64, side: f64) -> f64 {
     held.saturating_sub(1) as f64 * 0.5
 }
 
-/// The smallest distance of boxes to others whose centres lie within 50 m; 50 where nobody is.
+/// Returns the smallest distance of boxes to others whose centres lie within 50 m; 50 where nobody is.
 fn nearest_m(around: &Around<'_>, own: &Own, place: Place, counts: impl Fn(&Other) -> bool) -> f64 {
     let apart = |other: &Other| (other.samples[0].position - place.position).norm_squared();
     let near = around.others.iter().filter(|other| other.who != own.who && apart(other) <= 50.0 * 50.0);

@@ -11,8 +11,8 @@
 //! - the meters of accelerations and of windows (`accounts/motion.rs`, `accounts/feasibility.rs`);
 //! - which recorded road users may turn reactive, and their paths (`prepared/plant.rs`).
 //!
-//! The ego's controls are those that the driver of the fast rollout decided, and the digest of the trace is taken over. What
-//! the simulator refuses is refused by the fast rollout alone.
+//! The ego's controls are those that the driver of the fast rollout decided, and the digest of the trace is taken over. Only the
+//! fast rollout refuses what the simulator cannot run.
 
 mod bodies;
 mod laws;
@@ -54,12 +54,12 @@ struct Other {
     size: Size,
     /// Unit heading vector at the beginning.
     axis: Vec2,
-    /// At the beginning and after each physics step.
+    /// Samples at the beginning and after each physics step.
     samples: [Sample; SUBSTEPS + 1],
     places: [Place; SUBSTEPS + 1],
 }
 
-/// The ego, likewise, and where it is seen at the end.
+/// The ego, likewise, and its place as seen at the end.
 struct Ego {
     shown: Sample,
     samples: [Sample; SUBSTEPS + 1],
@@ -70,7 +70,7 @@ pub(in crate::sim) struct Plain<'a> {
     pub scene: &'a Scene,
     pub plant: &'a Plant,
     pub act: &'a Intervention,
-    /// What the driver of the fast rollout decided.
+    /// Decisions of the driver in the fast rollout.
     pub controls: &'a [Control],
     pub replays: bool,
 }
@@ -93,7 +93,7 @@ impl Plain<'_> {
         self.scene.tracks[track].at(self.plant.first_step() + k).copied()
     }
 
-    /// Everyone present during the k-th step, tracks in order, then simulated ones.
+    /// Returns everyone present during the k-th step, tracks in order, then simulated ones.
     fn others(&self, actors: &[Body<'_>], simulated: &[bool], k: usize) -> Vec<Other> {
         let mut others = Vec::new();
         for (i, track) in self.scene.tracks.iter().enumerate().filter(|(i, _)| !simulated[*i]) {
@@ -146,7 +146,7 @@ impl Plain<'_> {
         }
     }
 
-    /// Shows everyone who obeys a law what is around, before anybody moves.
+    /// Shows its surroundings to everyone who obeys a law, before anybody moves.
     fn look(&self, actors: &mut [Body<'_>], others: &[Other], ego: &EgoForecast, ego_s_m: f64, k: usize) {
         let count = self.act.actions.len();
         let around = Around { plant: self.plant, others, k, ego, ego_s_m, count };
@@ -189,12 +189,12 @@ impl Plain<'_> {
         }
     }
 
-    /// Distance beyond every lane piece, all of them looked at.
+    /// Returns the distance beyond every lane piece, all of them looked at.
     fn off_road_m(&self, point: Vec2) -> f64 {
         self.plant.drivable.distance_by_walk_m(point)
     }
 
-    /// The outcome but for its trace digest, which is taken over, and everyone at every step.
+    /// Returns the outcome, with its trace digest taken over, and everyone at every step.
     fn rollout(&self, trace: crate::kernel::Digest) -> (Outcome, Vec<Vec<Other>>) {
         let (plant, size) = (self.plant, self.plant.ego_size);
         let mut actors = Body::adversaries(plant, self.act);
@@ -385,7 +385,7 @@ impl Plain<'_> {
         None
     }
 
-    /// What the one that was hit did before, looked up in everyone's places at the steps so far.
+    /// Describes the earlier behaviour of the road user that was hit, looked up in everyone's places at the steps so far.
     fn before(&self, rows: &[Vec<Other>], k: usize, hit: &Hit, ego: &Along) -> Before {
         let past = |steps: usize| {
             let then = rows[k.saturating_sub(steps)].iter().find(|other| other.who == hit.with);
@@ -470,7 +470,7 @@ impl Plain<'_> {
             struck_parked: struck.parked,
             route_completion: None,
             log_deviation_m_max: log.map(|_| 0.0),
-            // Not asked for under the options that both are compared with.
+            // Absent under the options that both are compared with.
             of_kind: None,
             of_place: None,
         };
@@ -512,7 +512,7 @@ impl Plain<'_> {
         report
     }
 
-    /// What needs more than one step: levels of the windows, and how far along its way it got.
+    /// Fills in the values that need several steps: levels of the windows, and the share of its way that it got.
     fn windows(
         &self,
         report: &mut AdversaryReport,
@@ -565,13 +565,13 @@ impl Plain<'_> {
         track.kind == crate::scene::AgentKind::Static || seen.iter().all(|at| at.distance(seen[0]) <= PARKED_M)
     }
 
-    /// Whether a road user is not where it was recorded at the k-th step.
+    /// Returns `true` if a road user is not where it was recorded at the k-th step.
     fn differs(&self, who: ActorRef, now: &Sample, k: usize) -> bool {
         let ActorRef::Track(track) = who else { return true };
         self.track_at(track, k).is_none_or(|logged| logged.position.distance(now.position) > ACTED_M)
     }
 
-    /// Whether two recordings overlap at a physics step.
+    /// Returns `true` if two recordings overlap at a physics step.
     fn overlapped(&self, a: ActorRef, b: ActorRef) -> bool {
         let (ActorRef::Track(a), ActorRef::Track(b)) = (a, b) else { return false };
         let places = |track: usize, k: usize| {

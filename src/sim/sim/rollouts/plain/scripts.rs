@@ -1,4 +1,4 @@
-//! Scripts in their plainest form: which phase is on is asked anew at every step, and every number of the language is
+//! Scripts in their plainest form: every step determines anew which phase is on, and every number of the language is
 //! written out here once more. Nothing of `triggered.rs` is used.
 
 use crate::kernel::{Vec2, num};
@@ -12,23 +12,23 @@ use crate::sim::{Action, Intervention, Script};
 
 use super::bodies::{Body, Mind};
 
-/// A script under way. What a phase remembers is forgotten where the next one begins.
+/// A script under way. The state of a phase is forgotten where the next one begins.
 pub(super) struct Acting<'a> {
     script: &'a Script,
     car: Car,
     awake: bool,
     wheel_rad: f64,
-    /// Of all steps so far, metres.
+    /// Way of all steps so far, metres.
     gone_m: f64,
     phase: usize,
-    /// Steps of the present phase so far.
+    /// Number of steps of the present phase so far.
     ticks: usize,
-    /// Where the present phase began: position and heading vector.
+    /// Start of the present phase: position and heading vector.
     began: Option<(Vec2, Vec2)>,
     along: Option<Along>,
 }
 
-/// Sets those off that the ego has come near enough to, fast enough.
+/// Sets those scripts off to which the ego has come near enough, fast enough.
 pub(super) fn set_off(bodies: &mut [Body<'_>], act: &Intervention, ego: &EgoForecast) {
     let places: Vec<Option<Vec2>> = bodies.iter().map(|body| body.now.map(|now| now.position)).collect();
     for (i, action) in act.actions.iter().enumerate() {
@@ -61,7 +61,7 @@ impl<'a> Acting<'a> {
         self.script.kind == AgentKind::Pedestrian
     }
 
-    /// The phase that is on, after those that are over; `None` before the first and behind the last.
+    /// Returns the phase that is on, after those that are over; `None` before the first and behind the last.
     fn phase(&mut self, ego: &EgoForecast, route: &Path) -> Option<&'a Phase> {
         let phases = if self.awake { &self.script.phases[..] } else { &[] };
         loop {
@@ -97,12 +97,12 @@ impl<'a> Acting<'a> {
         }
     }
 
-    /// Where the present phase began; the first who asks in it stands there.
+    /// Returns the start of the present phase; the first call in a phase sets it to the present place.
     fn began(&mut self) -> (Vec2, Vec2) {
         *self.began.get_or_insert((self.car.position, self.car.axis))
     }
 
-    /// The place so far ahead on the line of a sideways move, which is left and reached without a kink.
+    /// Returns the place so far ahead on the line of a sideways move, which is left and reached without a kink.
     fn beside(&mut self, left_m: f64, over_m: f64, look_m: f64) -> Vec2 {
         let (from, axis) = self.began();
         let ahead_m = (self.car.position - from).dot(axis) + look_m;
@@ -110,12 +110,12 @@ impl<'a> Acting<'a> {
         from + axis * ahead_m + axis.left() * (left_m * share * share * (3.0 - 2.0 * share))
     }
 
-    /// The present phase's path, made anew.
+    /// Makes the present phase's path anew.
     fn path(&self, points: &[Vec2]) -> Option<Path> {
         Path::new(points, self.script.spawn.heading_rad)
     }
 
-    /// One decision step on wheels.
+    /// Drives one decision step on wheels.
     pub fn drive(&mut self, ego: &EgoForecast, route: &Path) -> [Car; SUBSTEPS] {
         let limits = &DEFAULT_LIMITS;
         let phase = self.phase(ego, route);
@@ -168,7 +168,7 @@ impl<'a> Acting<'a> {
         }
     }
 
-    /// One decision step on foot: the sample at its end.
+    /// Walks one decision step: returns the sample at its end.
     pub fn walk(&mut self, ego: &EgoForecast, route: &Path) -> Sample {
         let phase = self.phase(ego, route);
         let way_m = phase.map_or(0.0, |phase| self.asked_mps(phase, ego)) * DT_S;
@@ -195,7 +195,7 @@ impl<'a> Acting<'a> {
         Sample { position: to, heading_rad, velocity: step * (1.0 / DT_S) }
     }
 
-    /// So far along a path, from where it is nearest to the place at which its phase began to move.
+    /// Returns the place so far along a path, from its nearest point to the place at which its phase began to move.
     fn along_on_foot(&mut self, points: &[Vec2], way_m: f64) -> Vec2 {
         let place = self.car.position;
         let Some(path) = self.path(points).filter(|_| way_m > 0.0) else { return place };

@@ -11,13 +11,13 @@ use crate::harness::{Ran, evodrive, home, text};
 use crate::quickstart::finished;
 
 /// A command in a folder; `{run}` is the quickstart's run folder.
-fn here(folder: &Path, args: &[&str]) -> Ran {
+pub fn here(folder: &Path, args: &[&str]) -> Ran {
     let run = finished().1.display().to_string();
     let args: Vec<String> = args.iter().map(|arg| arg.replace("{run}", &run)).collect();
     Ran::of(evodrive().current_dir(folder).env_remove("VISUAL").env_remove("EDITOR").args(args))
 }
 
-fn well(folder: &Path, args: &[&str]) -> String {
+pub fn well(folder: &Path, args: &[&str]) -> String {
     let ran = here(folder, args);
     assert_eq!(ran.code, 0, "{args:?}: {}{}", ran.stdout, ran.stderr);
     ran.stdout

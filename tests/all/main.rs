@@ -59,6 +59,7 @@ mod realism;
 mod realism_exploits;
 mod recorded_traffic;
 mod redraws;
+mod rehearsing;
 mod report;
 mod sac;
 mod scene_commonroad;

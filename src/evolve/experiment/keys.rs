@@ -121,6 +121,13 @@ fn study() -> Vec<Key> {
         || Optional,
         vec![
             (
+                "budget.rehearsals",
+                "",
+                "rollouts",
+                Whole(1, i64::from(families::grammar::REHEARSALS_MAX)),
+                "Most candidates of a scene that a program may roll out against the ego before it chooses (`rehearsed_choice`); not offered without it.",
+            ),
+            (
                 "seed_note",
                 "",
                 "",

@@ -225,6 +225,9 @@ pub struct BudgetOptions {
     pub probe_scenes: usize,
     /// Accepted descendants that are measured on the whole evolution pool before one is chosen.
     pub finalists: usize,
+    /// Most candidates of a scene that a program may roll out against the ego before it chooses; 0 where that is not offered.
+    #[serde(default, skip_serializing_if = "crate::objects::is_unsaid")]
+    pub rehearsals: u32,
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -126,7 +126,7 @@ fn lineages(experiment: &Experiment) -> Result<(), Problem> {
     if experiment.lineages.is_empty() {
         return Err(OptionError::new("lineage", "empty", "at least one [[lineage]]: a family and its ego").into());
     }
-    let sources = families::sources();
+    let sources = families::sources_by_hand();
     let mut seen = BTreeSet::new();
     for (i, lineage) in experiment.lineages.iter().enumerate() {
         let id = lineage.id.as_str();

@@ -167,7 +167,9 @@ impl Experiment {
         let starts = || lineages.iter().filter_map(|spec| spec.start.as_ref()).map(|start| &start.program);
         let offered = |source: Source| {
             let family = source.contract.family.clone();
-            source.offering_for(starts().filter(|program| program.source_family == family))
+            let own = || starts().filter(|program| program.source_family == family);
+            let most = own().map(families::rehearsals_of).fold(self.budget.rehearsals, u32::max);
+            families::rehearsing(source.offering_for(own()), most)
         };
         let sources = families::sources().map(|source| limited(offered(source), &without, self.questions));
         let mut world = self.world.clone();

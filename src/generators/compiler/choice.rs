@@ -29,8 +29,26 @@ pub fn choose(stage: &Stage<'_>, kind: &str, settings: &Settings, parts: &[Part]
         return parts.iter().map(|part| choose_one(part, &|_| true)).collect();
     };
     let leader = choose_one(first, &|candidate| candidate.iterate.is_some_and(|i| joint.contains(&i)))?;
-    let iterate = first.candidates[leader].iterate;
-    Ok(parts.iter().map(|part| part.candidates.iter().position(|c| c.iterate == iterate).unwrap_or(0)).collect())
+    Ok(together(parts, first.candidates[leader].iterate))
+}
+
+/// Choices from the best score on: the parts' candidates of one iterate where they were moved together, else the next one of every part,
+/// of whose candidates the last stays.
+pub fn by_score(parts: &[Part]) -> Vec<Vec<usize>> {
+    let joint = joint(parts);
+    if let Some(first) = parts.first().filter(|_| !joint.is_empty()) {
+        let allowed = |candidate: &Candidate| candidate.iterate.is_some_and(|i| joint.contains(&i));
+        let of = |leader: usize| together(parts, first.candidates[leader].iterate);
+        return ranked(&first.candidates, &allowed).into_iter().map(of).collect();
+    }
+    let orders: Vec<Vec<usize>> = parts.iter().map(|part| ranked(&part.candidates, &|_| true)).collect();
+    let most = orders.iter().map(Vec::len).max().unwrap_or(0);
+    (0..most).map(|k| orders.iter().map(|order| order[k.min(order.len() - 1)]).collect()).collect()
+}
+
+/// Every part's candidate of an iterate.
+fn together(parts: &[Part], iterate: Option<usize>) -> Vec<usize> {
+    parts.iter().map(|part| part.candidates.iter().position(|c| c.iterate == iterate).unwrap_or(0)).collect()
 }
 
 /// Iterates that every part still has a candidate of; empty for a single part.

@@ -15,4 +15,6 @@ pub struct Flow {
     pub forced: bool,
     /// The choice, one index a part.
     pub chosen: Vec<usize>,
+    /// Rollouts that the choice itself took.
+    pub rehearsed: usize,
 }

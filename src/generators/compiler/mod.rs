@@ -1,5 +1,6 @@
 //! From a program to what it does in one scene: the decision, and the intervention that carries it out.
 
+mod actions;
 pub mod actors;
 pub mod choice;
 pub mod constraints;
@@ -10,6 +11,7 @@ mod flow;
 pub mod law;
 mod merge;
 pub mod prepared;
+mod rehearse;
 mod reshape;
 pub mod searched;
 pub mod timing;

@@ -4,17 +4,17 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::actions::actions;
 use super::flow::Flow;
 use super::merge::{self, Branch};
 use super::{
-    CompileFailure, Compiled, Decision, FilterReport, Prepared, actors, choice, constraints, filters, law, reshape,
-    timing,
+    CompileFailure, Compiled, Decision, FilterReport, Prepared, actors, choice, constraints, filters, law, rehearse,
+    reshape, timing,
 };
 use crate::kernel::{Digest, canon::CanonError};
-use crate::motion::Candidate;
 use crate::objects::{Counsel, OperatorNode, ParameterValue, Slot};
-use crate::sim::{Action, Intervention, Law, Scripts};
-use crate::stage::{Part, Settings, Situation, Stage, StageError};
+use crate::sim::{Intervention, Scripts};
+use crate::stage::{Part, Settings, Stage, StageError};
 
 /// The way through one graph in one scene.
 struct Walk<'w, 'p> {
@@ -217,6 +217,11 @@ impl<'p> Walk<'_, 'p> {
                 law::give(kind, settings, &mut flow.parts)?;
                 None
             }
+            Slot::Diversity if kind == "rehearsed_choice" => {
+                let rehearsed = rehearse::choose(stage, settings, &flow.parts, choice::by_score(&flow.parts))?;
+                (flow.chosen, flow.rehearsed) = (rehearsed.chosen, rehearsed.rollouts);
+                None
+            }
             Slot::Diversity => {
                 flow.chosen = choice::choose(stage, kind, settings, &flow.parts)?;
                 None
@@ -231,37 +236,16 @@ fn finish(
     mut decision: Decision,
     flow: &Flow,
 ) -> Result<Compiled, CompileFailure> {
-    let mut actions = Vec::with_capacity(flow.parts.len());
     for (part, chosen) in flow.parts.iter().zip(&flow.chosen) {
         let candidate = &part.candidates[*chosen];
         constraints::check(stage.situation, part, candidate, prepared.constraints())?;
         decision.actors.push(choice::report(stage.situation, part, *chosen));
-        match &candidate.scripted {
-            Some(scripted) => actions.extend_from_slice(&scripted.actions),
-            None => actions.push(action(stage.situation, part, candidate)),
-        }
     }
+    let actions = actions(stage.situation, &flow.parts, &flow.chosen);
     decision.applies = true;
-    let counted = stage.situation.scene.staging.is_some() && stage.situation.plant.options().scripts == Scripts::AsRun;
-    decision.search_rollouts = counted.then(|| flow.parts.iter().map(|part| part.simulated).sum());
+    let simulated = flow.rehearsed + flow.parts.iter().map(|part| part.simulated).sum::<usize>();
+    let counted = flow.rehearsed > 0
+        || stage.situation.scene.staging.is_some() && stage.situation.plant.options().scripts == Scripts::AsRun;
+    decision.search_rollouts = counted.then_some(simulated);
     Ok(Compiled { decision, intervention: Intervention { actions } })
-}
-
-/// Returns what the simulator is asked to do for one adversary.
-fn action(situation: &Situation, part: &Part, candidate: &Candidate) -> Action {
-    let (track, from_step, samples) = (part.actor, part.window.from_step, candidate.samples.clone());
-    if let Some(guest) = situation.as_guest(track) {
-        let (kind, length_m, width_m) = (guest.kind, guest.length_m, guest.width_m);
-        return Action::Insert { kind, length_m, width_m, from_step, samples };
-    }
-    if let Some(law) = &candidate.law {
-        return Action::FollowThenObey { track, from_step, samples, law: Law::clone(law) };
-    }
-    match candidate.handover_step {
-        Some(step) => {
-            let handover_step = step.clamp(from_step, from_step + samples.len().saturating_sub(1));
-            Action::FollowThenReact { track, from_step, samples, handover_step }
-        }
-        None => Action::Follow { track, from_step, samples },
-    }
 }

@@ -273,6 +273,41 @@ fn diversity_operators() -> Vec<OperatorSpec> {
     ]
 }
 
+/// The choice that a study offers where it has a budget for it (`budget.rehearsals`), and its mechanism slot.
+pub const REHEARSED_CHOICE: &str = "rehearsed_choice";
+pub const REHEARSAL_SLOT: &str = "rehearsal_value";
+
+/// Most candidates of a scene that any program may roll out before it chooses.
+pub const REHEARSALS_MAX: u32 = 16;
+
+/// The operator by which a program rolls at most so many candidates out before it chooses.
+pub fn rehearsed_choice(most: u32) -> OperatorSpec {
+    operator(
+        Slot::Diversity,
+        REHEARSED_CHOICE,
+        [
+            required(
+                "count",
+                integer(1, i64::from(most), "1"),
+                "how many candidates are rolled out, the best by score",
+            ),
+            required("value", mechanism(REHEARSAL_SLOT), "of a candidate and its rollout; the largest is chosen"),
+        ],
+        "Rolls the best candidates out against the ego, each by itself, and chooses by what came of them. Each rollout counts.",
+    )
+}
+
+/// The mechanism slot of that choice's value.
+pub fn rehearsal_slot() -> (String, MechanismSlotSpec) {
+    let features = vocabulary::CANDIDATE.iter().chain(vocabulary::ACTOR).chain(vocabulary::REHEARSED);
+    slot(
+        REHEARSAL_SLOT,
+        ValueType::Number,
+        features.cloned().collect(),
+        "Worth of a candidate that was rolled out against the ego; the rehearsed_ features tell what came of it.",
+    )
+}
+
 /// Mechanism slots that do not depend on how a family makes motion.
 pub fn shared_mechanism_slots() -> BTreeMap<String, MechanismSlotSpec> {
     [

@@ -21,8 +21,9 @@ pub mod staged;
 mod staged_signatures;
 pub mod strive;
 
-use crate::adapters::Registry;
-use crate::stage::Sources;
+use crate::adapters::{Contract, Registry};
+use crate::objects::{OperatorNode, Program, Setting, Slot};
+use crate::stage::{Source, Sources};
 
 /// Every family that can be evolved, with its code.
 pub fn sources() -> Sources {
@@ -42,6 +43,40 @@ pub fn sources() -> Sources {
     ])
 }
 
+/// The same source, whose programs may roll so many candidates of a scene out before they choose, and none of 0.
+pub fn rehearsing(mut source: Source, most: u32) -> Source {
+    source.contract = without_rehearsal(&source.contract);
+    let choices = source.contract.operators.get_mut(&Slot::Diversity);
+    if let Some(choices) = choices.filter(|_| most > 0) {
+        choices.push(grammar::rehearsed_choice(most.min(grammar::REHEARSALS_MAX)));
+        source.contract.mechanism_slots.extend([grammar::rehearsal_slot()]);
+    }
+    source
+}
+
+/// The contract without that choice. By it program files are marked, so that one fits whatever a study offers besides.
+pub fn without_rehearsal(contract: &Contract) -> Contract {
+    let mut contract = contract.clone();
+    contract.operators.values_mut().for_each(|specs| specs.retain(|spec| spec.kind != grammar::REHEARSED_CHOICE));
+    contract.mechanism_slots.remove(grammar::REHEARSAL_SLOT);
+    contract
+}
+
+/// Most candidates of a scene that a program rolls out before it chooses.
+pub fn rehearsals_of(program: &Program) -> u32 {
+    let choices = program.operator_graph.values().filter(|node| node.kind == grammar::REHEARSED_CHOICE);
+    let count = |node: &OperatorNode| match node.settings.get("count") {
+        Some(Setting::Number(count)) => *count as u32,
+        _ => grammar::REHEARSALS_MAX,
+    };
+    choices.map(count).max().unwrap_or(0)
+}
+
+/// The source families with everything that a program made by hand may use.
+pub fn sources_by_hand() -> Sources {
+    sources().map(|source| rehearsing(source, grammar::REHEARSALS_MAX))
+}
+
 /// Returns what they declare: all that the gates judge patches by.
 pub fn registry() -> Registry {
     sources().registry()
@@ -50,16 +85,16 @@ pub fn registry() -> Registry {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::adapters::{Contract, Domain};
+    use crate::adapters::Domain;
     use crate::compiler::{CompileFailure, Compiled, compile};
     use crate::ego;
     use crate::kernel::Seed;
-    use crate::objects::{FamilyName, ParameterValue, Program, Setting, Slot};
+    use crate::objects::{FamilyName, ParameterValue};
     use crate::scene::Scene;
     use crate::scene::fixture::two_lane_scene;
     use crate::scene::safebench::TrafficFamily;
     use crate::sim;
-    use crate::stage::{Situation, Source};
+    use crate::stage::Situation;
     use crate::synth::{SynthOptions, WorldKind, family_scene, pool_member};
     use proptest::prelude::*;
     use std::collections::BTreeSet;

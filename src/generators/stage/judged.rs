@@ -36,6 +36,8 @@ pub struct Needs {
     pub contact: bool,
     pub harm: bool,
     pub way: bool,
+    /// The contact of a rollout of its own judged: whether it was to be avoided and to be seen.
+    pub assessed: bool,
 }
 
 impl Needs {
@@ -60,6 +62,7 @@ impl Needs {
                 | "struck_by_ego" | "seen_coming_s" => needs.contact = true,
                 "wrong_way_m" | "off_road_added_m" | "acceleration_added_mps2" | "jerk_added_mps3" => needs.harm = true,
                 "log_way_share" => needs.way = true,
+                "rehearsed_avoidable" | "rehearsed_preventable" | "rehearsed_visible_s" => needs.assessed = true,
                 _ => {}
             }
         }

@@ -108,8 +108,14 @@ impl Module {
 
     /// The value for a candidate: its features, then those of its actor.
     pub fn of_candidate(&self, candidate: &Candidate, judged: &Judged<'_>) -> f64 {
+        self.of_rehearsed(candidate, judged, &[])
+    }
+
+    /// The same of one that was rolled out: then what came of it, by `vocabulary::REHEARSED`.
+    pub fn of_rehearsed(&self, candidate: &Candidate, judged: &Judged<'_>, came: &[f64]) -> f64 {
         let mut values = features(candidate, judged, self.needs);
         values.extend(judged.situation.facts(judged.actor).into_iter().flat_map(|facts| &facts.values));
+        values.extend_from_slice(came);
         self.number(values)
     }
 }

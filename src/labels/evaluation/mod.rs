@@ -25,7 +25,7 @@ pub use protocol::rounds::{SceneArchive, Selecting, StagedRun, group_name, group
 pub use protocol::safebench::{Group, Runs, SafebenchScore, Table, group_score, point_of, recorded_run, safebench_run};
 pub use record::{CacheError, RolloutCache, RolloutRecord, Written, request_key};
 pub use replay_row::{Playing, replay_row};
-pub use score::{scene_score, score_of};
+pub use score::{SEARCH_ROLLOUTS, scene_score, score_of};
 
 /// Part of a run's first event; rises when a metric or protocol changes meaning.
 pub const EVAL_VERSION: u32 = 4;

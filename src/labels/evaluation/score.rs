@@ -11,6 +11,9 @@ use crate::objects::{
     benchmark::SafebenchRun,
 };
 
+/// Metric of a label whose program was rolled out against the ego before it chose: the number of these rollouts.
+pub const SEARCH_ROLLOUTS: &str = "search_rollouts";
+
 /// One scene's labels.
 pub fn scene_score(record: &RolloutRecord, request: Digest, stored: Digest, options: &MetadriveOptions) -> SceneScore {
     let acted = record.outcome.acted();
@@ -22,7 +25,12 @@ pub fn scene_score(record: &RolloutRecord, request: Digest, stored: Digest, opti
         acted,
         contact: met(record),
         diagnostics,
-        metrics: options.metrics.iter().map(|(name, of)| (name.clone(), of.value(&record.outcome))).collect(),
+        metrics: options
+            .metrics
+            .iter()
+            .map(|(name, of)| (name.clone(), of.value(&record.outcome)))
+            .chain(record.search_rollouts().map(|rollouts| (SEARCH_ROLLOUTS.to_string(), f64::from(rollouts))))
+            .collect(),
         intervened: record.intervened,
         by_ego: Default::default(),
         request,

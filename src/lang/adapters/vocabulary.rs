@@ -142,6 +142,37 @@ pub const CANDIDATE: &[Feature] = &[
     number("log_way_share", "1", "share of the actor's logged way that it drives by the predicted contact or its end"),
 ];
 
+/// Features of a candidate's own rollout against the ego, in the order of `compiler::rehearse`: the definitions are those of labels.
+pub const REHEARSED: &[Feature] = &[
+    boolean("rehearsed_met", "the ego met an adversary"),
+    boolean("rehearsed_avoidable", "and a careful ego would have avoided that contact"),
+    boolean("rehearsed_preventable", "and besides it is no ram from behind: the preventable count"),
+    boolean("rehearsed_from_behind", "and the adversary ran into the ego's rear"),
+    boolean("rehearsed_standing", "and the ego ran into an adversary that stood"),
+    boolean("rehearsed_anyway", "and the ego meets the same road user in plain replay"),
+    boolean("rehearsed_acted", "an adversary moved otherwise than recorded"),
+    boolean("rehearsed_struck_others", "an adversary overlapped somebody at the start or touched others on its way"),
+    number("rehearsed_visible_s", "s", "how long before the contact the ego could see it coming; 0 without a contact"),
+    number("rehearsed_contact_s", "s", "time of the contact, or of the rollout's end"),
+    number("rehearsed_impact_mps", "m/s", "relative speed at the contact; 0 without one"),
+    number("rehearsed_distance_m_min", "m", "smallest distance of the ego to an adversary; 200 if there is none"),
+    number("rehearsed_ego_route_share", "1", "share of its route that the ego drove, 0..1"),
+    number(
+        "rehearsed_route_share",
+        "1",
+        "share of its recorded way that an adversary drove, the least; 1 where that is short",
+    ),
+    number("rehearsed_off_road_m", "m", "farther off the road than recorded, the most of an adversary"),
+    number("rehearsed_wrong_way_m", "m", "way driven against lanes beyond the recorded one, likewise"),
+    number(
+        "rehearsed_acceleration_mps2",
+        "m/s^2",
+        "harder acceleration than recorded, as realism measures it, likewise",
+    ),
+    number("rehearsed_jerk_mps3", "m/s^3", "more jerk than recorded, as realism measures it, likewise"),
+    number("rehearsed_slip_mps", "m/s", "more sliding across the heading than recorded, likewise"),
+];
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -237,7 +237,7 @@ fn credit(
 ) -> Result<Credit, Failure> {
     let file = packed::packed_of(folder, run, solution.as_str())?;
     let way = Way::of(run, solution, how.operations)?;
-    let sources = families::sources();
+    let sources = families::sources_by_hand();
     let (asked, ego) = match (how.ego, how.driver, packed::own_weights(folder, &file)?) {
         (None, None, Some(learned)) => (None, learned),
         (ego, driver, _) => applying::under_test(&file, ego, (driver, None))?,

@@ -51,7 +51,7 @@ fn add(
     let mut file = packed::packed_of(folder, run, lineage.evolved.solution.as_str())?;
     (file.conditions.simulator.at_fault, file.conditions.simulator.jury) = (true, true);
     for (name, ego) in drivers(folder, run, &file)? {
-        let (sources, counsels) = (families::sources(), apply::counsels(&file, entries));
+        let (sources, counsels) = (families::sources_by_hand(), apply::counsels(&file, entries));
         let applied = apply::as_conditioned(&file, &sources, &ego, &counsels)?;
         let labelled = applied.label(&[&file.parent, &file.program], entries, threads)?;
         for (solution, labelled) in [&lineage.parent.solution, &lineage.evolved.solution].into_iter().zip(labelled) {

@@ -47,6 +47,7 @@ fn meanings() -> BTreeMap<String, String> {
         vocabulary::SHAPE,
         vocabulary::LAW,
         vocabulary::CANDIDATE,
+        vocabulary::REHEARSED,
         vocabulary::GROUP,
     ];
     let unit = |unit: &str| if unit.is_empty() || unit == "1" { String::new() } else { format!(" [{unit}]") };

@@ -84,7 +84,7 @@ fn redrawn(
         Some(learned) => learned,
         None => apply::driver(&file.conditions.ego)?,
     };
-    let sources = families::sources();
+    let sources = families::sources_by_hand();
     let evolution = evolution(run, &folder.read_pool()?, threads);
     let counsels = apply::counsels(&file, &evolution);
     let replaced = replaced(&run.attempts, result);

@@ -11,7 +11,7 @@ use crate::cli::records::covered::{coverage, exchanges};
 use crate::cli::records::folder::RunFolder;
 use crate::cli::terminal::{answer::Answer, answer::progress, exit::Failure};
 use crate::evidence::{Gravity, RecordedRun, audit};
-use crate::families;
+use crate::families::{self, grammar::REHEARSALS_MAX};
 use crate::kernel::Digest;
 use crate::llm::Cassette;
 use crate::objects::FamilyName;
@@ -87,7 +87,10 @@ fn check_contracts(run: &RecordedRun, bundle: &Path) -> Result<(), Failure> {
     let other = |(family, then): &(&FamilyName, &Digest)| -> bool {
         // A contract offers what a published parent needs only if such a parent takes part.
         let differs = |source: Source| source.contract.digest().is_ok_and(|now| now != **then);
-        sources.get(family).is_none_or(|source| differs(source.clone()) && differs(source.clone().offering_for([])))
+        let rehearsing =
+            |source: &Source| (1..=REHEARSALS_MAX).all(|most| differs(families::rehearsing(source.clone(), most)));
+        let all = |source: &Source| differs(source.clone()) && rehearsing(source);
+        sources.get(family).is_none_or(|source| all(source) && all(&source.clone().offering_for([])))
     };
     let Some((family, _)) = run.opened.contracts.iter().filter(|_| run.opened.without.is_empty()).find(other) else {
         return Ok(());

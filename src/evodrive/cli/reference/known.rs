@@ -51,10 +51,11 @@ fn unit_of(name: &str) -> &'static str {
 }
 
 /// Features that expressions may read, by place.
-const PLACES: [(&str, &[Feature]); 6] = [
+const PLACES: [(&str, &[Feature]); 7] = [
     ("scene", vocabulary::SCENE),
     ("actor", vocabulary::ACTOR),
     ("candidate", vocabulary::CANDIDATE),
+    ("rehearsed", vocabulary::REHEARSED),
     ("moment", vocabulary::SHAPE),
     ("law", vocabulary::LAW),
     ("adversaries", vocabulary::GROUP),

@@ -99,7 +99,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let (taken, left_out) = sorted_out(&options.scenes, &file, pool)?;
     let entries = threads.map(&taken, |_, scene| SceneEntry::new(scene.clone()));
     let counsels = counsels(&file, &entries);
-    let sources = families::sources();
+    let sources = families::sources_by_hand();
     let backend = behind::asked(asked.as_ref(), planners.as_ref());
     let applied = Applied { seed, backend, ..as_conditioned(&file, &sources, &ego, &counsels)? };
     let mut labelled = applied.label(&[&file.parent, &file.program], &entries, &threads)?;

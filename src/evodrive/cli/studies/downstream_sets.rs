@@ -58,7 +58,7 @@ struct Played {
 /// Fixes the sets of a study.
 pub fn fixed(file: &DownstreamFile, program: &ProgramFile, threads: &Threads) -> Result<Sets, Failure> {
     let ego = apply::driver(&program.conditions.ego)?;
-    let sources = families::sources();
+    let sources = families::sources_by_hand();
     let counsels = BTreeMap::new();
     let applied = apply::as_conditioned(program, &sources, &ego, &counsels)?;
     let [training, evaluation] = file.pools(program, threads)?;

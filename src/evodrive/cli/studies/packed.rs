@@ -100,7 +100,7 @@ pub fn packed_of(folder: &RunFolder, run: &RecordedRun, name: &str) -> Result<Pr
     let group = |id: &LineageId| *id == *lineage || lineage.as_str().starts_with(&format!("{id}-s"));
     let settings = experiment.lineages.iter().find(|of| group(&of.id));
     let family = program.source_family.clone();
-    let sources = families::sources();
+    let sources = families::sources_by_hand();
     let source = sources.get(&family).ok_or_else(|| damaged(&format!("no family is called `{family}`")))?;
     let contract = ContractMark::of(&source.contract).map_err(Failure::internal)?;
     let versions = Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION };

@@ -51,7 +51,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     };
     let mut compiled = None;
     if let Some(file) = &file {
-        let registry = families::registry();
+        let registry = families::sources_by_hand().registry();
         let family = registry.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
         let foreign = words_of_others(&file.program, &family.contract, &registry);
         findings.extend(foreign.into_iter().map(|problem| Finding::at(Gate::Isolation, problem, None)));
@@ -113,7 +113,7 @@ fn compile(options: &Options, file: &ProgramFile, jobs: usize) -> Result<Compile
     let threads = files::threads(jobs)?;
     let entries = threads.map(&taken, |_, scene| SceneEntry::new(scene.clone()));
     let counsels = apply::counsels(file, &entries);
-    let sources = families::sources();
+    let sources = families::sources_by_hand();
     let applied = apply::as_conditioned(file, &sources, &ego, &counsels)?;
     let (mut acts, mut findings) = (0, Vec::new());
     for (entry, of) in entries.iter().zip(applied.interventions(&[&file.program], &entries, &threads)?) {

@@ -31,7 +31,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
             options.first, first.family, options.second, second.family
         )));
     }
-    let sources = families::sources();
+    let sources = families::sources_by_hand();
     let source = sources.get(&first.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
     let changes = source.contract.changes(&first.program, &second.program);
     let conditions = conditions(&first, &second);

@@ -60,7 +60,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     // A file that could not be read before was being repaired: there is nothing to compare with.
     let old = ProgramFile::from_toml(&name.to_string_lossy(), &before).ok();
     let changes = old.map(|old| {
-        let sources = families::sources();
+        let sources = families::sources_by_hand();
         sources
             .get(&edited.family)
             .map_or_else(Vec::new, |source| source.contract.changes(&old.program, &edited.program))

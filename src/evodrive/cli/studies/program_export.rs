@@ -114,7 +114,7 @@ fn commanded(options: &Options, file: &ProgramFile, jobs: usize) -> Result<Vec<C
     let threads = files::threads(jobs)?;
     let entries = threads.map(&taken, |_, scene| SceneEntry::new(scene.clone()));
     let counsels = apply::counsels(file, &entries);
-    let sources = families::sources();
+    let sources = families::sources_by_hand();
     let applied = apply::as_conditioned(file, &sources, &ego, &counsels)?;
     let commanded = applied.interventions(&[&file.program], &entries, &threads)?.into_iter().flatten();
     let of = |(entry, intervention): (&SceneEntry, _)| Commanded { scene: entry.scene().clone(), intervention };

@@ -60,7 +60,7 @@ pub fn set(options: &SetOptions) -> Result<Answer, Failure> {
     let file = ProgramFile::read(&options.file)?;
     let value = serde_json::to_value(typed_value(&options.value)).map_err(Failure::bad_input)?;
     let changed = admitted(&file, &options.place, value)?;
-    let sources = families::sources();
+    let sources = families::sources_by_hand();
     let source = sources.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
     let changes = source.contract.changes(&file.program, &changed);
     let written = file.rewritten(changed).map_err(Failure::bad_input)?;
@@ -103,7 +103,7 @@ fn admitted(file: &ProgramFile, place: &str, value: Value) -> Result<Program, Fa
         cluster_refs_used: Vec::new(),
         repair_summary: None,
     };
-    let registry = families::registry();
+    let registry = families::sources_by_hand().registry();
     let family = registry.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
     let judging = Judging::whole(&family.contract, &registry);
     let child = SolutionId::new(format!("{}/set", parent.lineage_id));

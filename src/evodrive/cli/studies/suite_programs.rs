@@ -126,7 +126,7 @@ fn others(run: &RecordedRun) -> Vec<String> {
 
 /// Published parents under their shipped protocols.
 fn of_families(names: &[String]) -> Result<Vec<Planned>, Failure> {
-    let sources = families::sources();
+    let sources = families::sources_by_hand();
     let own = |source: &Source| -> Result<Planned, Failure> {
         let mut planned = of_file(ProgramFile::published(&source.contract.family)?)?;
         planned.member.name = source.parent.solution_id.clone();
@@ -144,7 +144,7 @@ fn of_families(names: &[String]) -> Result<Vec<Planned>, Failure> {
 }
 
 fn asked(word: &str) -> Result<Source, Failure> {
-    let (name, sources) = (family_named(word), families::sources());
+    let (name, sources) = (family_named(word), families::sources_by_hand());
     sources.get(&FamilyName::new(name)).cloned().ok_or_else(|| {
         let known: Vec<&str> = sources.iter().map(|source| source.contract.family.as_str()).chain([ALL]).collect();
         let near = nearest(word, known.iter().copied()).map_or(String::new(), |near| format!("; did you mean {near}?"));
@@ -153,5 +153,5 @@ fn asked(word: &str) -> Result<Source, Failure> {
 }
 
 fn source(family: &FamilyName) -> Result<Source, Failure> {
-    families::sources().get(family).cloned().ok_or_else(|| Failure::internal("a family that was read is gone"))
+    families::sources_by_hand().get(family).cloned().ok_or_else(|| Failure::internal("a family that was read is gone"))
 }

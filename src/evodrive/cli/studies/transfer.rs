@@ -121,7 +121,7 @@ fn recognised(
     simulator: &SimulatorOptions,
     of: &Transferred,
 ) -> Result<String, Failure> {
-    let sources = families::sources();
+    let sources = families::sources_by_hand();
     let names = of.names();
     let (mut rows, mut control) = (Vec::new(), None);
     for (place, player) in players.iter().enumerate() {
@@ -295,7 +295,7 @@ fn scores(
     let Some(first) = players.first() else { return Ok(Vec::new()) };
     let mut conditions = first.file.conditions.clone();
     conditions.simulator = *simulator;
-    let sources = families::sources();
+    let sources = families::sources_by_hand();
     let mut by_family: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (place, player) in players.iter().enumerate() {
         by_family.entry(player.file.family.as_str()).or_default().push(place);

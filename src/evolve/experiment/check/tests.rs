@@ -47,6 +47,7 @@ fn whole() -> Vec<Table> {
     all.push(pool);
     // A run that does without everything.
     let mut bare = all[0].clone();
+    bare["budget"].as_table_mut().unwrap().insert("rehearsals".into(), 4.into());
     let parts = ["critics", "repair", "memory", "conditions", "mechanisms", "isolation", "audit", "tradeoff"];
     let parts: Table = parts.map(|part| (part.to_string(), Value::Boolean(true))).into_iter().collect();
     bare.insert("without".into(), parts.into());

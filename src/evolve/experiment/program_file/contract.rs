@@ -31,6 +31,7 @@ impl ContractMark {
     /// # Errors
     /// A bound that is no finite number.
     pub fn of(contract: &Contract) -> Result<ContractMark, CanonError> {
+        let contract = &families::without_rehearsal(contract);
         Ok(ContractMark { adapter: ADAPTER_VERSION, digest: contract.digest()?, names: contract.names() })
     }
 
@@ -68,7 +69,7 @@ fn listed(names: &[&String]) -> String {
 /// # Errors
 /// No family has that name; the nearest one is proposed.
 pub fn source_of(file: &str, family: &FamilyName) -> Result<Source, ProgramFileError> {
-    let sources = families::sources();
+    let sources = families::sources_by_hand();
     sources.get(family).cloned().ok_or_else(|| {
         let known: Vec<&str> = sources.iter().map(|source| source.contract.family.as_str()).collect();
         let hint = crate::text::nearest(family.as_str(), known.iter().copied());

@@ -143,7 +143,7 @@ impl ProgramFile {
 
     /// Returns `true` if programs of its family are compiled with counsel where there is some.
     pub fn takes_counsel(&self) -> bool {
-        families::sources().get(&self.family).is_some_and(|source| source.asks.counsel.is_some())
+        families::sources_by_hand().get(&self.family).is_some_and(|source| source.asks.counsel.is_some())
     }
 
     /// Digest of everything but the digest itself.

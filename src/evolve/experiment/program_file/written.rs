@@ -16,7 +16,7 @@ impl ProgramFile {
     /// # Errors
     /// A family that is unknown, or a value that TOML cannot hold.
     pub fn to_toml(&self) -> Result<String, NotWritten> {
-        let sources = families::sources();
+        let sources = families::sources_by_hand();
         let source = sources.get(&self.family).ok_or_else(|| NotWritten::Family(self.family.to_string()))?;
         let contract = &source.contract;
         let mut text = self.head(contract)?;

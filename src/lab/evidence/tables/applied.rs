@@ -54,6 +54,7 @@ const STRICT: Column = column("strict_realism", "Strict realism", Some(true), Fo
 const FAILS: Column = column("fails", "Fails", Some(false), Form::Rate);
 const PENALTY: Column = column("rp_pct", "RP", Some(false), Form::Percent);
 const COVERAGE: Column = column("coverage", "Coverage", Some(true), Form::Rate);
+const LOOKS: Column = column("search_rollouts", "Rollouts", None, Form::Rate);
 const CR: Column = column("cr", "CR", Some(true), Form::Rate);
 const OS: Column = column("os", "OS", Some(false), Form::Rate);
 const ARS: Column = column("ars", "ARS", Some(true), Form::Rate);
@@ -75,13 +76,18 @@ const RATES: [(Column, Rate); 4] = [
 /// The table of outcomes and the table of contacts.
 pub fn applied(of: &Applied<'_>) -> [Table; 2] {
     let staged = !of.program.runs.is_empty();
-    let outcomes = if staged {
+    let mut outcomes = if staged {
         RATES.map(|(column, _)| column).into_iter().chain([ANY, COVERAGE]).collect()
     } else {
         vec![ATTACK, ANY, REALISM, STRICT, FAILS, PENALTY, COVERAGE]
     };
     let mut numbers = if staged { staged_numbers(of) } else { recorded_numbers(of) };
     per_scene(of, &[(ANY, labels::ANY_CONTACT.of), (COVERAGE, labels::ACTED.of)], &mut numbers);
+    let looks = values(of, &of.program, labels::LOOKS.of).values.iter().any(Option::is_some);
+    if looks {
+        outcomes.push(LOOKS);
+        per_scene(of, &[(LOOKS, labels::LOOKS.of)], &mut numbers);
+    }
     numbers[0].extend(replayed(of, ANY, |scene| Some(labels::share(scene.contact))));
     numbers[0].insert(COVERAGE.key, Estimate::plain(0.0));
     // The other table has the two of them that stand for outcomes.
@@ -93,7 +99,7 @@ pub fn applied(of: &Applied<'_>) -> [Table; 2] {
     per_scene(of, &readings, &mut met);
     met[0].extend(replayed(of, ANY, |scene| Some(labels::share(scene.contact))));
     [
-        table("applied", "Outcomes", of, &outcomes, &numbers, notes(staged)),
+        table("applied", "Outcomes", of, &outcomes, &numbers, notes(staged, looks)),
         table("applied-contacts", "Contacts", of, &columns, &met, vec![contacts_note()]),
     ]
 }
@@ -247,7 +253,7 @@ fn suite(of: &Applied<'_>) -> Digest {
     Digest::of_bytes(format!("{} {}", of.pool, of.scenes.join("\n")).as_bytes())
 }
 
-fn notes(staged: bool) -> Vec<String> {
+fn notes(staged: bool, looks: bool) -> Vec<String> {
     let labels = if staged {
         "CR: collision rate; OS: SafeBench's overall score, lower is the stronger scenario; ARS: adversarial realism score; \
              Attack = CR (1 - OS). Intervals of these four are drawn over groups of family and route, the others over scenes."
@@ -257,7 +263,11 @@ fn notes(staged: bool) -> Vec<String> {
              100 (1 - realism). Strict realism: the smaller one of that and the mean over the program's successes, which the search \
              uses; it has no interval, and its difference is that of the two numbers."
     };
-    vec![
+    let rehearsed = looks.then(|| {
+        "Rollouts: mean over scenes of the rollouts against the ego before the program chose; a parent without has none."
+            .to_string()
+    });
+    let mut all = vec![
         labels.to_string(),
         "Any crash: share in which the ego meets anyone; what the replay shows, the ego runs into anyway. Coverage: share of \
          scenes that the program acts in."
@@ -269,7 +279,9 @@ fn notes(staged: bool) -> Vec<String> {
             bootstrap::RESAMPLES,
             bootstrap::SEED.0
         ),
-    ]
+    ];
+    all.extend(rehearsed);
+    all
 }
 
 fn contacts_note() -> String {

@@ -11,6 +11,7 @@ use super::paper::{
 };
 use super::searches::{self, Repeated, Repetition};
 use super::stopped;
+use crate::evaluation::SEARCH_ROLLOUTS;
 use crate::evidence::recorded_run::{OWN_PLANNER, RecordedRun, kind_of};
 use crate::kernel::{Digest, num};
 use crate::objects::{
@@ -73,6 +74,9 @@ pub const FAILS: Reading =
     });
 /// 100 (1 - r), percent, over all scenes, 0 where the program does not act: the paper's plain mean.
 pub const PENALTY_ALL_PCT: Reading = reading("100 (1 - realism)", |scene| Some(100.0 * (1.0 - scene.realism)));
+/// Rollouts against the ego before the program chose, of scenes that tell.
+pub const LOOKS: Reading =
+    reading("rollouts against the ego before the choice", |scene| scene.metrics.get(SEARCH_ROLLOUTS).copied());
 /// 1 if the program acts, else 0.
 pub const ACTED: Reading = reading("1 where the program acts, else 0", |scene| Some(share(scene.acted)));
 /// 1 if the ego met anyone, else 0 (MetaDrive's crash flag, on which CAT's success rests).

@@ -15,6 +15,7 @@ use super::paper::{self, Figures, metadrive as printed};
 use super::searches::{searches, stops};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::Digest;
+use crate::objects::RealismMean;
 use crate::statistics::bootstrap::{self, PerScene, Quantity, Search};
 use crate::text::counted;
 
@@ -91,21 +92,30 @@ fn pf_area() -> Sourced {
     (column, Source::of(|bases, row| Some(bases.frontier(&bases.lineages_of(row)))))
 }
 
+/// Rollouts before the choice, where a program of these lineages rehearses.
+fn looks(all: &[&LineageLabels]) -> Vec<Sourced> {
+    let tells = |l: &&LineageLabels| l.evolved.values(labels::LOOKS.of).iter().any(Option::is_some);
+    let column = column("evolved_search_rollouts", "Evolved", "Rollouts", None, Form::Rate);
+    if all.iter().any(tells) { vec![sourced((column, Side::Evolved, labels::LOOKS))] } else { Vec::new() }
+}
+
 /// Columns of the main table.
-fn main_columns() -> Vec<Sourced> {
+fn main_columns(all: &[&LineageLabels]) -> Vec<Sourced> {
     let changes = [sourced(ATTACK_CHANGE), relative_change(), sourced(RP_CHANGE), pf_area()];
-    BOTH.map(sourced).into_iter().chain(changes).collect()
+    BOTH.map(sourced).into_iter().chain(looks(all)).chain(changes).collect()
 }
 
 /// Columns of the table by policy.
-fn policy_columns() -> Vec<Sourced> {
-    BOTH.into_iter().chain(AT_THE_END).chain([ATTACK_CHANGE, RP_CHANGE]).map(sourced).chain([pf_area()]).collect()
+fn policy_columns(all: &[&LineageLabels]) -> Vec<Sourced> {
+    let at_the_end = AT_THE_END.into_iter().chain([ATTACK_CHANGE, RP_CHANGE]).map(sourced);
+    BOTH.map(sourced).into_iter().chain(looks(all)).chain(at_the_end).chain([pf_area()]).collect()
 }
 
 /// The paper's main table: a row a family, averaged over those of the paper's egos that were run.
 pub fn metadrive_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
-    let (bases, columns) = (Derivations::of(runs), main_columns());
+    let bases = Derivations::of(runs);
     let all = bases.lineages()?;
+    let columns = main_columns(&all);
     let mut groups: Vec<&str> = printed::METHODS.iter().map(|method| method.group).collect();
     groups.dedup();
     let averaged = |l: &LineageLabels| l.method.is_some() && paper::policy_name(&l.ego).is_some();
@@ -133,8 +143,9 @@ pub fn metadrive_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
 
 /// The paper's table by policy: a row a generator and ego, with the best descendant of the local trace.
 pub fn metadrive_policy(runs: &[RecordedRun]) -> Result<Table, TableError> {
-    let (bases, columns) = (Derivations::of(runs), policy_columns());
+    let bases = Derivations::of(runs);
     let all = bases.lineages()?;
+    let columns = policy_columns(&all);
     let policy_row = |method: &str, policy: &str, of: &[&LineageLabels], figures: Option<Figures>| {
         row(&bases, vec![method.to_string(), policy.to_string()], of, &columns, figures.as_ref())
     };
@@ -256,6 +267,13 @@ const PROTOCOLS_ATTACK: &str = "Attack: share of held-out scenes in which the eg
 
 /// Returns the notes that a reader needs beside the numbers.
 fn notes(runs: &[RecordedRun], all: &[&LineageLabels], rows: &[Row], average: Option<String>) -> Vec<String> {
+    let plain = runs.iter().filter(|run| run.label_rules().mean == RealismMean::Plain).count();
+    let search_uses = if plain == runs.len() {
+        "search uses the plain mean over all scenes."
+    } else {
+        "search uses strict realism, which goes by the larger RP of the two, so that small nudges in other scenes gain nothing."
+    };
+    let all_scenes = if plain > 0 { ", over all where the run's realism is the plain mean" } else { "" };
     let nothing = if runs.iter().any(|run| run.label_rules().counts_any_contact()) {
         "coverage 0, and where an experiment asks nothing of a contact, its attack is what the ego runs into anyway"
     } else {
@@ -264,8 +282,8 @@ fn notes(runs: &[RecordedRun], all: &[&LineageLabels], rows: &[Row], average: Op
     let mut notes = vec![
         format!(
             "{PROTOCOLS_ATTACK} Any crash: share in which the ego meets anyone, as MetaDrive and CAT \
-         count. RP = 100 (1 - r) over the scenes that the program acts in; RP of successes: over those in which it succeeds. The \
-         search uses strict realism, which goes by the larger RP of the two, so that small nudges in other scenes gain nothing. Coverage: share of scenes acted in. \
+         count. RP = 100 (1 - r) over the scenes that the program acts in{all_scenes}; RP of successes: over those in which it succeeds. The \
+         {search_uses} Coverage: share of scenes acted in. \
          Evolved: the active generator, chosen on evolution labels."
         ),
         format!(

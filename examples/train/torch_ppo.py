@@ -16,7 +16,7 @@ given = options.parse_args()
 torch.manual_seed(1)
 torch.set_num_threads(1)
 src = eg.Scenarios(given.pool, {"plain": None, "adversary": "cat"}, {"plain": 0.3, "adversary": 0.7}, held_out=given.held_out)
-env, long = eg.VecEnv(src, given.envs, reward=eg.MetaDriveReward(crash=30.0), seed=1), 64
+env, long = eg.VecEnv(src, given.envs, reward=eg.MetaDriveReward(crash=30.0), autoreset="same_step", seed=1), 64
 net = lambda out: nn.Sequential(nn.Linear(126, 128), nn.Tanh(), nn.Linear(128, 128), nn.Tanh(), nn.Linear(128, out))
 actor, critic, log_std = net(2), net(1), nn.Parameter(torch.full((2,), -0.7))
 nn.init.zeros_(actor[-1].weight)

@@ -110,7 +110,8 @@ fn an_episode_that_is_over_stays_as_it_is_and_a_control_that_is_no_number_moves_
 const REWARD: Reward = Reward::metadrive(10.0);
 
 fn options(autoreset: Autoreset, seeing: Seeing) -> FleetOptions {
-    FleetOptions { seeing, reward: REWARD, autoreset, assesses: true, keeps: true, keeps_motion: false }
+    let (assesses, keeps) = (true, true);
+    FleetOptions { seeing, reward: REWARD, autoreset, by_failure: 1.0, assesses, keeps, keeps_motion: false }
 }
 
 /// Plain scenes, and CAT's parent in them.

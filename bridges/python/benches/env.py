@@ -68,12 +68,12 @@ class Ours:
     def __init__(self, src, observation, places, threads, steps):
         self.name = f"evodrive {observation}, {places} environments, {threads} thread{'s' * (threads > 1)}"
         self.observation, self.steps, self.places, self.threads = observation, steps, places, threads
-        self.env = eg.VecEnv(src, places, threads, observation, seed=0, copy=False)
-        self.env._native = Engine(self.env._native)
+        self.env = eg.VecEnv(src, places, threads, observation, autoreset="same_step", seed=0, copy=False)
+        self.env._engine.native = Engine(self.env._engine.native)
         self.obs, _ = self.env.reset()
 
     def round(self):
-        engine, policy = self.env._native, Spent()
+        engine, policy = self.env._engine.native, Spent()
         engine.seconds = 0.0
         whole = Spent().begun()
         for _ in range(self.steps):

@@ -1,10 +1,12 @@
 """The compiled part of the package: `evodrive.gym` and `evodrive.runs` are its interface."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from os import PathLike
 from typing import Any
 
 __version__: str
+
+_Around = tuple[str | None, bytes | None]
 
 def main(words: Sequence[str]) -> int:
     """Runs the program `evodrive` with these words (its own name first) and gives its exit code."""
@@ -29,6 +31,14 @@ def weights_observation(bytes: bytes) -> str:
 def evaluate(scenarios: Scenarios, name: str | None = None, weights: bytes | None = None, held_out: bool = True, threads: int = 0) -> str:
     """How a driver fares, by program, as JSON."""
 
+def evaluate_by(
+    scenarios: Scenarios, ask: Callable[[bytes, int], bytes], observation: str, held_out: bool, threads: int
+) -> str:
+    """The same of a policy within Python, which is asked for the actions of all scenes at once."""
+
+def step_names() -> list[str]:
+    """What the numbers of the array "step" are called."""
+
 class Sheet:
     """An array of the engine's, for numpy."""
 
@@ -39,11 +49,12 @@ class Scenarios:
     def __init__(
         self,
         pool: Sequence[str | PathLike[str]],
-        programs: Sequence[tuple[str, str | None, float]],
+        programs: Sequence[tuple[str, str | PathLike[str] | None, float]],
         held_out: Sequence[str | PathLike[str]],
         plant: str | None,
         threads: int,
     ) -> None: ...
+    def with_programs(self, programs: Sequence[tuple[str, str | None, float, bool]], plant: str | None) -> Scenarios: ...
     @property
     def scenes(self) -> list[str]: ...
     @property
@@ -63,14 +74,20 @@ class Fleet:
         observation: str,
         reward: str,
         autoreset: str,
+        by_failure: float,
         ego: str | None,
         weights: bytes | None,
         preventable: bool,
         keep: bool,
         motion: bool,
+        state: str | None = None,
     ) -> None: ...
     @property
     def threads(self) -> int: ...
+    def state(self) -> tuple[str, _Around, _Around | None]: ...
+    def take(self, scenarios: Scenarios) -> None: ...
+    def set_autoreset(self, autoreset: str) -> None: ...
+    def weights(self) -> list[float]: ...
     def seed(self, seeds: Sequence[tuple[int, int]]) -> None: ...
     def reset(self, mask: Sequence[bool] | None = None, task: tuple[int, int] | None = None) -> int: ...
     def step(self) -> tuple[int, int]: ...

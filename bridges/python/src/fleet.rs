@@ -10,30 +10,52 @@ use std::thread::JoinHandle;
 
 use evodrive::kernel::Threads;
 use evodrive::learn::fleet::{Autoreset, FleetError, FleetOptions, Tasks};
-use evodrive::learn::{self, Reward};
+use evodrive::learn::{self, Reward, Step};
 use evodrive::sim::{Control, Repeated, rollout_assessed};
 
 use crate::arrays::Sheet;
 use crate::picture::picture;
 use crate::policy::{driver, seeing};
-use crate::refused;
 use crate::scenarios::{Scenarios, Source};
+use crate::{broken, refused};
 
+/// A driver around whom adversaries are planned: its name, or the bytes of its weights.
+type Around = (Option<String>, Option<Vec<u8>>);
 /// Tasks that are being planned.
-type Pending = JoinHandle<Result<Arc<Tasks>, String>>;
+type Pending = (Around, JoinHandle<Result<Arc<Tasks>, String>>);
 
 /// Environments side by side. `observation` is metadrive-1, safebench-1, safebench-2 or arrays-1; `reward` a rule with its constants as JSON;
 /// `autoreset` next_step, same_step or disabled.
 #[pyclass(frozen)]
 pub struct Fleet {
     fleet: Arc<Mutex<learn::Fleet>>,
-    source: Arc<Source>,
+    source: Mutex<Arc<Source>>,
+    /// Around whom the present tasks are planned.
+    around: Mutex<Around>,
     threads: Threads,
     /// The process that began it: in another one there are no threads.
     process: u32,
     /// Why it is closed.
     closed: Mutex<Option<String>>,
     pending: Mutex<Option<Pending>>,
+}
+
+/// Decisions as they are written down: acceleration and steering.
+pub fn numbers(controls: &[Control]) -> Vec<[f64; 2]> {
+    let one = |control: &Control| match *control {
+        Control::Drive { acceleration_mps2, steering_rad } => [acceleration_mps2, steering_rad],
+        Control::FollowLog => [0.0, 0.0],
+    };
+    controls.iter().map(one).collect()
+}
+
+fn autoreset_named(name: &str) -> PyResult<Autoreset> {
+    match name {
+        "next_step" => Ok(Autoreset::NextStep),
+        "same_step" => Ok(Autoreset::SameStep),
+        "disabled" => Ok(Autoreset::Disabled),
+        other => Err(refused(format!("autoreset is {other:?}; expected next_step, same_step or disabled"))),
+    }
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -89,7 +111,7 @@ impl Fleet {
 #[pymethods]
 impl Fleet {
     #[new]
-    #[pyo3(signature = (scenarios, places, threads, observation, reward, autoreset, ego, weights, preventable, keep, motion))]
+    #[pyo3(signature = (scenarios, places, threads, observation, reward, autoreset, by_failure, ego, weights, preventable, keep, motion, state=None))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python<'_>,
@@ -99,20 +121,15 @@ impl Fleet {
         observation: &str,
         reward: &str,
         autoreset: &str,
+        by_failure: f64,
         ego: Option<String>,
         weights: Option<Vec<u8>>,
         preventable: bool,
         keep: bool,
         motion: bool,
+        state: Option<&str>,
     ) -> PyResult<Fleet> {
-        let autoreset = match autoreset {
-            "next_step" => Autoreset::NextStep,
-            "same_step" => Autoreset::SameStep,
-            "disabled" => Autoreset::Disabled,
-            other => {
-                return Err(refused(format!("autoreset is {other:?}; expected next_step, same_step or disabled")));
-            }
-        };
+        let autoreset = autoreset_named(autoreset)?;
         let reward: Reward = serde_json::from_str(reward).map_err(|error| refused(format!("reward: {error}")))?;
         if let Some((name, found)) = reward.constants().into_iter().find(|(_, value)| !value.is_finite()) {
             return Err(refused(format!("reward: {name} is {found}; expected a finite number")));
@@ -121,6 +138,7 @@ impl Fleet {
             seeing: seeing(observation)?,
             reward,
             autoreset,
+            by_failure,
             assesses: preventable,
             keeps: keep,
             keeps_motion: motion,
@@ -130,9 +148,16 @@ impl Fleet {
         py.detach(|| {
             let threads = if places == 1 { Threads::none() } else { Threads::new(threads).map_err(refused)? };
             let tasks = source.tasks(&policy, &threads)?;
-            let fleet = Arc::new(Mutex::new(learn::Fleet::new(tasks, places, options).map_err(refused)?));
-            let (closed, pending) = (Mutex::new(None), Mutex::new(None));
-            Ok(Fleet { fleet, source, threads, process: std::process::id(), closed, pending })
+            let fleet = match state {
+                None => learn::Fleet::new(tasks, places, options),
+                Some(state) => {
+                    let state = serde_json::from_str(state).map_err(|error| refused(format!("state: {error}")))?;
+                    learn::Fleet::resumed(tasks, options, state, &source.stage.plants, &threads)
+                }
+            };
+            let (fleet, source) = (Arc::new(Mutex::new(fleet.map_err(refused)?)), Mutex::new(source));
+            let (closed, pending, around) = (Mutex::new(None), Mutex::new(None), Mutex::new((ego, weights)));
+            Ok(Fleet { fleet, source, around, threads, process: std::process::id(), closed, pending })
         })
     }
 
@@ -140,6 +165,44 @@ impl Fleet {
     #[getter]
     fn threads(&self) -> usize {
         self.threads.count()
+    }
+
+    /// What a fleet made of the same arguments goes on from: its own state, around whom it is planned, and around whom it is being planned.
+    fn state(&self, py: Python<'_>) -> PyResult<(String, Around, Option<Around>)> {
+        let state = self.guarded(py, |fleet| Ok(fleet.state()))?;
+        let pending = locked(&self.pending).as_ref().map(|(around, _)| around.clone());
+        Ok((serde_json::to_string(&state).map_err(broken)?, locked(&self.around).clone(), pending))
+    }
+
+    /// Other programs and shares in the same scenes, for episodes that begin from now on. What is being planned is planned again for them.
+    fn take(&self, py: Python<'_>, scenarios: &Scenarios) -> PyResult<()> {
+        self.open()?;
+        let source = scenarios.source.clone();
+        let (name, weights) = locked(&self.around).clone();
+        let policy = driver(name.as_deref(), weights.as_deref())?;
+        let tasks = py.detach(|| source.tasks(&policy, &self.threads))?;
+        *locked(&self.source) = source;
+        self.guarded(py, |fleet| {
+            fleet.set_tasks(tasks);
+            Ok(())
+        })?;
+        let Some(((name, weights), former)) = locked(&self.pending).take() else { return Ok(()) };
+        let _ = py.detach(|| former.join());
+        self.plan_around(name, weights)
+    }
+
+    /// When new episodes begin, from the next reset on.
+    fn set_autoreset(&self, py: Python<'_>, autoreset: &str) -> PyResult<()> {
+        let autoreset = autoreset_named(autoreset)?;
+        self.guarded(py, |fleet| {
+            fleet.set_autoreset(autoreset);
+            Ok(())
+        })
+    }
+
+    /// How often each scene comes up beside the others, by its number; 1 of those beyond.
+    fn weights(&self) -> Vec<f64> {
+        locked(&self.fleet).tasks().weights().to_vec()
     }
 
     /// Gives each place its seed: a list of (place, seed).
@@ -179,7 +242,7 @@ impl Fleet {
 
     /// One of its arrays, for numpy: actions (the only one that may be written), observations_0, observations_1, final_observations,
     /// rewards, terminated, truncated, scene, program, end, contact_class, adversary, preventable, route_completion, length, sum,
-    /// now_scene, now_program.
+    /// step, now_scene, now_program.
     fn array(&self, name: &str) -> PyResult<Sheet> {
         let mut fleet = locked(&self.fleet);
         let n = fleet.places();
@@ -203,6 +266,7 @@ impl Fleet {
             "route_completion" => ((sheets.reports.route_completion.as_ptr() as usize, "<f4"), vec![n]),
             "length" => ((sheets.reports.length.as_ptr() as usize, "<i4"), vec![n]),
             "sum" => ((sheets.reports.sum.as_ptr() as usize, "<f8"), vec![n]),
+            "step" => ((sheets.steps.as_ptr() as usize, "<f8"), vec![n, Step::NAMES.len()]),
             "now_scene" => ((sheets.now_scene.as_ptr() as usize, "<i4"), vec![n]),
             "now_program" => ((sheets.now_program.as_ptr() as usize, "<i4"), vec![n]),
             other => return Err(refused(format!("a fleet has no array {other:?}"))),
@@ -215,7 +279,7 @@ impl Fleet {
     fn plan_around(&self, name: Option<String>, weights: Option<Vec<u8>>) -> PyResult<()> {
         self.open()?;
         let policy = driver(name.as_deref(), weights.as_deref())?;
-        let source = self.source.clone();
+        let source = locked(&self.source).clone();
         let work = move || {
             let planned = catch_unwind(AssertUnwindSafe(|| source.tasks(&policy, &Threads::none())));
             match planned {
@@ -224,15 +288,16 @@ impl Fleet {
             }
         };
         let begun = std::thread::Builder::new().name("evodrive-plan".into()).spawn(work).map_err(refused)?;
-        *locked(&self.pending) = Some(begun);
+        *locked(&self.pending) = Some(((name, weights), begun));
         Ok(())
     }
 
     /// Waits for what is being planned; episodes that begin from now on are of it. Whether there was something.
     fn adopt(&self, py: Python<'_>) -> PyResult<bool> {
-        let Some(pending) = locked(&self.pending).take() else { return Ok(false) };
+        let Some((around, pending)) = locked(&self.pending).take() else { return Ok(false) };
         let planned = py.detach(|| pending.join()).unwrap_or_else(|_| Err("planning broke down".into()));
         let tasks = planned.map_err(PyRuntimeError::new_err)?;
+        *locked(&self.around) = around;
         self.guarded(py, |fleet| {
             fleet.set_tasks(tasks);
             Ok(true)
@@ -247,16 +312,12 @@ impl Fleet {
         let (task, scene) = (&kept.task, kept.task.plant.scene());
         let outcome =
             py.detach(|| rollout_assessed(&task.plant, &task.intervention, &mut Repeated::new(&kept.controls, false)));
-        let control = |control: &Control| match *control {
-            Control::Drive { acceleration_mps2, steering_rad } => [acceleration_mps2, steering_rad],
-            Control::FollowLog => [0.0, 0.0],
-        };
         Ok(Some(
             json!({
                 "format": "evodrive-episode/1", "scene": scene.id, "scene_digest": scene.digest(),
-                "program": self.source.named[kept.program].name, "intervention": &*task.intervention,
+                "program": locked(&self.source).named[kept.program].name, "intervention": &*task.intervention,
                 "simulator": task.plant.options(), "outcome": outcome.map_err(refused)?,
-                "controls": kept.controls.iter().map(control).collect::<Vec<[f64; 2]>>(),
+                "controls": numbers(&kept.controls),
             })
             .to_string(),
         ))

@@ -37,11 +37,11 @@ mod _evodrive {
     #[pymodule_export]
     use crate::arrays::Sheet;
     #[pymodule_export]
-    use crate::evaluation::evaluate;
+    use crate::evaluation::{evaluate, evaluate_by};
     #[pymodule_export]
     use crate::fleet::Fleet;
     #[pymodule_export]
-    use crate::policy::{bounds, layout, weights, weights_observation};
+    use crate::policy::{bounds, layout, step_names, weights, weights_observation};
     #[pymodule_export]
     use crate::scenarios::Scenarios;
 

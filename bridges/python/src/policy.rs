@@ -5,6 +5,7 @@ use pyo3::types::PyBytes;
 
 use evodrive::ego::network::{Dense, Mlp};
 use evodrive::ego::{Policy, Setting, Weights, arrays};
+use evodrive::learn::Step;
 use evodrive::learn::fleet::Seeing;
 
 use crate::refused;
@@ -54,10 +55,16 @@ pub fn layout() -> Vec<(&'static str, usize, usize)> {
     ]
 }
 
+/// What the numbers of the array `step` are called.
+#[pyfunction]
+pub fn step_names() -> [&'static str; 6] {
+    Step::NAMES
+}
+
 /// One layer as Python holds it: rows of weights an output, and a bias an output.
 type Layer = (Vec<Vec<f32>>, Vec<f32>);
 
-/// The bytes of a file of weights: two hidden layers with their activation, and the layer of the action's means. `squash` is what
+/// The bytes of a file of weights: one to eight hidden layers with their activation, and the layer of the action's means. `squash` is what
 /// the means become an action by: `tanh`, or `clip` to [-1, 1].
 #[pyfunction]
 pub fn weights<'py>(

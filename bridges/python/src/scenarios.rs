@@ -25,9 +25,10 @@ use crate::refused;
 const KEPT: usize = 4;
 
 /// A program by its name, or the scenes as they are.
+#[derive(Clone)]
 pub struct Named {
     pub name: String,
-    pub file: Option<ProgramFile>,
+    pub file: Option<Arc<ProgramFile>>,
     pub share: f64,
 }
 
@@ -42,13 +43,13 @@ pub struct Stage {
 
 /// All of a training.
 pub struct Source {
-    pub stage: Stage,
-    pub held_out: Stage,
+    pub stage: Arc<Stage>,
+    pub held_out: Arc<Stage>,
     pub named: Vec<Named>,
     pub simulator: SimulatorOptions,
     pub sources: Sources,
     /// Of the training scenes, by driver: the last ones that were asked for.
-    kept: Mutex<Vec<(Digest, Arc<Vec<Planned>>)>>,
+    kept: Arc<Mutex<Vec<(Digest, Arc<Vec<Planned>>)>>>,
 }
 
 /// The scenes and programs of a training. `pool` and `held_out` are lists of pools, scenario files or folders; `programs` holds a
@@ -72,12 +73,14 @@ fn stage(scenes: Vec<Arc<Scene>>, simulator: &SimulatorOptions, threads: &Thread
     Ok(Stage { entries, plants })
 }
 
-fn program(named: &Path) -> PyResult<ProgramFile> {
+fn program(named: &Path) -> PyResult<Arc<ProgramFile>> {
     let text = named.to_string_lossy();
-    if named.extension().is_some() || named.exists() {
-        return ProgramFile::read(named).map_err(failed);
-    }
-    ProgramFile::published(&FamilyName::new(family_named(&text))).map_err(failed)
+    let read = if named.extension().is_some() || named.exists() {
+        ProgramFile::read(named)
+    } else {
+        ProgramFile::published(&FamilyName::new(family_named(&text)))
+    };
+    read.map(Arc::new).map_err(failed)
 }
 
 /// Usable scenes of files; the reasons of the others.
@@ -123,12 +126,52 @@ impl Scenarios {
             apart(&own, &held)?;
             own.iter().chain(&held).try_for_each(|scene| fits(scene, &named))?;
             let source = Source {
-                stage: stage(own, &simulator, &threads)?,
-                held_out: stage(held, &simulator, &threads)?,
+                stage: Arc::new(stage(own, &simulator, &threads)?),
+                held_out: Arc::new(stage(held, &simulator, &threads)?),
                 named,
                 simulator,
                 sources: families::sources(),
-                kept: Mutex::new(Vec::new()),
+                kept: Arc::default(),
+            };
+            Ok(Scenarios { source: Arc::new(source) })
+        })
+    }
+
+    /// The same scenes under other shares and further programs. Each has a name, its file, a share, and whether the file is read; a program
+    /// that is here already needs not be.
+    fn with_programs(
+        &self,
+        py: Python<'_>,
+        programs: Vec<(String, Option<PathBuf>, f64, bool)>,
+        plant: Option<String>,
+    ) -> PyResult<Scenarios> {
+        py.detach(|| {
+            let of = &self.source;
+            let reads = programs.iter().any(|(.., is_read)| *is_read);
+            let one = |(name, file, share, is_read): (String, Option<PathBuf>, f64, bool)| {
+                let known = of.named.iter().find(|known| known.name == name && !is_read);
+                let file = match known {
+                    Some(known) => known.file.clone(),
+                    None => file.as_deref().map(program).transpose()?,
+                };
+                Ok(Named { name, file, share })
+            };
+            let named = programs.into_iter().map(one).collect::<PyResult<Vec<Named>>>()?;
+            if rules(&named, plant.as_deref())? != of.simulator {
+                return Err(refused(
+                    "the new programs were labelled under other rules of the simulator than these scenes are driven under; expected the same \
+                     rules: make new Scenarios of them",
+                ));
+            }
+            let scenes = of.stage.entries.iter().chain(&of.held_out.entries);
+            scenes.map(SceneEntry::scene).try_for_each(|scene| fits(scene, &named))?;
+            let source = Source {
+                stage: of.stage.clone(),
+                held_out: of.held_out.clone(),
+                named,
+                simulator: of.simulator,
+                sources: families::sources(),
+                kept: if reads { Arc::default() } else { of.kept.clone() },
             };
             Ok(Scenarios { source: Arc::new(source) })
         })

@@ -68,3 +68,36 @@ def test_the_readme_s_lines_train(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     exec(compile(lines, "README.md", "exec"), {})
     assert "crash_rate" in capsys.readouterr().out and (tmp_path / "mine.safetensors").exists()
+
+
+def test_modules_and_models_of_other_shapes_drive_within_python(pools):
+    import torch
+    from stable_baselines3 import PPO
+    from torch import nn
+
+    torch.manual_seed(0)
+    src = eg.Scenarios(pools[0])
+    shallow = nn.Sequential(nn.Linear(126, 16), nn.ReLU(), nn.Linear(16, 2), nn.Tanh())
+
+    def same(obs):
+        with torch.no_grad():
+            return shallow(torch.from_numpy(obs)).numpy()
+
+    assert eg.evaluate(shallow, src) == eg.evaluate(same, src)
+
+    class Encoder(nn.Module):
+        def forward(self, obs):
+            return torch.stack([obs["ego"][:, 4], 0.2 + 0 * obs["ego"][:, 0]], 1)
+
+    assert eg.evaluate(Encoder(), src, observation="arrays-1")["plain"]["scenes"] == len(src.scenes)
+    deep = PPO("MlpPolicy", eg.sb3(eg.VecEnv(src, 2)), policy_kwargs={"net_arch": [8, 8, 8]}, device="cpu", seed=0)
+    predicts = lambda obs: deep.predict(obs, deterministic=True)[0]
+    assert eg.evaluate(deep, src) == eg.evaluate(predicts, src)
+    with pytest.raises(ValueError, match=r"shape \(24, 3\) for 24 observations; expected numbers of shape \(24, 2\)"):
+        eg.evaluate(nn.Linear(126, 3), src)
+
+
+def test_the_mix_of_a_training_is_set_through_the_adapter(pools):
+    env = eg.sb3(eg.VecEnv(eg.Scenarios(pools[0], {"plain": None, "cat": "cat"}), 3))
+    env.set_mix({"cat": 1.0})
+    assert env.get_attr("mix")[0] == {"plain": 0.0, "cat": 1.0}

@@ -147,7 +147,9 @@ fn is_staged(lineage: &Value) -> bool {
 /// Returns the command that makes the weights of a file.
 fn command(file: &str) -> String {
     let name = Path::new(file).file_stem().map_or_else(|| "<name>".into(), |stem| stem.to_string_lossy().into_owned());
-    if PUBLISHED.ends_with(&name) {
+    if file.ends_with(".onnx") {
+        "`torch.onnx.export`".into()
+    } else if PUBLISHED.ends_with(&name) {
         "`evodrive policy import` of ChatScene's checkpoint".into()
     } else {
         format!("`evodrive train experiments/train/{name}.toml`")

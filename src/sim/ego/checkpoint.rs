@@ -3,7 +3,8 @@
 
 use super::network::{Dense, Mlp};
 use super::observation::{ACTION, Setting};
-use super::weights::{Weights, WeightsError};
+use super::weights::Weights;
+use super::weights_error::WeightsError;
 use crate::kernel::linear::transposed;
 
 /// Keys of an actor's dictionary in a checkpoint that holds several: as written by ChatScene's fine-tuning, then by SafeBench's own SAC
@@ -135,6 +136,7 @@ fn dense(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ego::Actor;
 
     type Tensors = Vec<(String, Vec<usize>, Vec<f32>)>;
 
@@ -166,7 +168,8 @@ mod tests {
 
     fn applied(weights: &Weights, seen: [f32; 4]) -> Vec<f32> {
         let (mut values, mut spare) = (seen.to_vec(), Vec::new());
-        weights.actor.apply(&mut values, &mut spare);
+        let Actor::Layers(actor, _) = &weights.actor else { panic!("layers") };
+        actor.apply(&mut values, &mut spare);
         values
     }
 

@@ -30,6 +30,12 @@ impl Dense {
     /// The layer applied to one input; `out` is set to it.
     pub fn apply(&self, input: &[f32], out: &mut Vec<f32>) {
         out.clear();
+        self.append(input, out);
+    }
+
+    /// The same behind what `out` holds.
+    pub fn append(&self, input: &[f32], out: &mut Vec<f32>) {
+        let from = out.len();
         out.extend_from_slice(&self.bias);
         let rows = self.weights.chunks_exact(self.outputs * INPUTS_AT_ONCE);
         let last = rows.remainder();
@@ -40,7 +46,7 @@ impl Dense {
                 listed[count] = i;
                 count += usize::from(x != 0.0);
             }
-            self.add(input, &listed[..count], rows, out);
+            self.add(input, &listed[..count], rows, &mut out[from..]);
         }
     }
 
@@ -127,6 +133,31 @@ impl Mlp {
 /// The hyperbolic tangent of an `f32`: taken in `f64` and rounded once.
 pub fn tanh(x: f32) -> f32 {
     num::tanh(f64::from(x)) as f32
+}
+
+/// `e^x - 1` up to 0, and x above.
+pub fn elu(x: f32) -> f32 {
+    if x > 0.0 { x } else { (num::exp(f64::from(x)) - 1.0) as f32 }
+}
+
+/// The logistic function of an `f32`.
+pub fn sigmoid(x: f32) -> f32 {
+    num::sigmoid(f64::from(x)) as f32
+}
+
+/// `x sigmoid(x)`, rounded after each step as an ONNX file spells it.
+pub fn silu(x: f32) -> f32 {
+    x * sigmoid(x)
+}
+
+/// The error function of an `f32`.
+pub fn erf(x: f32) -> f32 {
+    (1.0 - num::erfc(f64::from(x))) as f32
+}
+
+/// `x` times the normal distribution's share below it, rounded after each step as torch exports it.
+pub fn gelu(x: f32) -> f32 {
+    x * (erf(x / std::f32::consts::SQRT_2) + 1.0) * 0.5
 }
 
 #[cfg(test)]

@@ -10,7 +10,8 @@ use super::idm::IdmDriver;
 use super::learned::LearnedDriver;
 use super::pdm::{self, PdmDriver};
 use super::replay::ReplayDriver;
-use super::weights::{Weights, WeightsError};
+use super::weights::Weights;
+use super::weights_error::WeightsError;
 
 /// A fixed ego policy.
 #[derive(Clone, Debug, PartialEq)]

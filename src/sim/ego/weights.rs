@@ -1,12 +1,15 @@
-//! Weights of a learned driver as a file: safetensors, `f32`, named as in Stable-Baselines3's actor (a weight's rows are
+//! Weights of a learned driver as a file: ONNX, or safetensors, `f32`, named as in Stable-Baselines3's actor (a weight's rows are
 //! its outputs), so that they can be read there too. The header says for which [`Setting`] they were trained.
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-use super::network::{Dense, Mlp};
+use super::graph::Graph;
+use super::network::{Dense, Mlp, elu, gelu, silu, tanh};
 use super::observation::{ACTION, Setting};
+use super::onnx;
+use super::weights_error::WeightsError;
 use crate::kernel::Digest;
 use crate::kernel::linear::transposed;
 
@@ -20,12 +23,19 @@ const WIDTH_MAX: usize = 1024;
 pub struct Weights {
     /// Meaning of observations and actions.
     pub setting: Setting,
-    /// Functions between the layers, and behind the last one.
-    pub form: Form,
-    /// Means, then logarithms of standard deviations.
-    pub actor: Arc<Mlp>,
+    /// Network from an observation to an action.
+    pub actor: Actor,
     /// Digest of the file's bytes.
     pub digest: Digest,
+}
+
+/// A network from an observation to an action.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Actor {
+    /// Layers that give means, then logarithms of standard deviations.
+    Layers(Arc<Mlp>, Form),
+    /// The graph of an ONNX file.
+    Graph(Arc<Graph>),
 }
 
 /// Functions that turn an actor's numbers into an action. Our own trainings use the default, which a file does not mention.
@@ -46,6 +56,12 @@ pub enum Activation {
     Relu,
     /// The hyperbolic tangent.
     Tanh,
+    /// `e^x - 1` below 0.
+    Elu,
+    /// The number times the normal distribution's share below it.
+    Gelu,
+    /// The number times its logistic function.
+    Silu,
 }
 
 /// A function from a mean to an action in [-1, 1].
@@ -74,52 +90,74 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
-/// Why a file's bytes are no weights.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "{layer}: found {found}, expected {expected}; train the ego again (evodrive train experiments/train/<name>.toml), or write \
-     one of your own with evodrive.gym.save_policy (docs/FORMAT.md)"
-)]
-pub struct WeightsError {
-    /// Place in the file.
-    pub layer: String,
-    /// Content found there.
-    pub found: String,
-    /// Content expected.
-    pub expected: String,
+/// Returns the name of a hidden layer, as of the layers of torch's `Sequential`: a function stands between each two.
+fn hidden(i: usize) -> String {
+    format!("latent_pi.{}", 2 * i)
 }
 
-impl WeightsError {
-    fn new(layer: &str, found: impl ToString, expected: impl ToString) -> WeightsError {
-        WeightsError { layer: layer.to_string(), found: found.to_string(), expected: expected.to_string() }
-    }
-}
-
-/// The layers by name; the two heads are one layer of the network.
-const TRUNK: [&str; 2] = ["latent_pi.0", "latent_pi.2"];
+/// Hidden layers that an actor may have.
+const HIDDEN_MAX: usize = 8;
+/// The two heads are one layer of the network.
 const HEADS: [&str; 2] = ["mu", "log_std"];
 
 impl Weights {
     /// Reads the bytes of a file.
     pub fn from_bytes(bytes: &[u8]) -> Result<Weights, WeightsError> {
-        let whole = "a whole safetensors file";
+        if onnx::is_onnx(bytes) {
+            let (setting, graph) = onnx::read(bytes)?;
+            return Ok(Weights { setting, actor: Actor::Graph(Arc::new(graph)), digest: Digest::of_bytes(bytes) });
+        }
+        let whole = "a whole safetensors file, or an ONNX file";
         let file = SafeTensors::deserialize(bytes).map_err(|error| WeightsError::new("header", error, whole))?;
         let (setting, form) = header(bytes)?;
+        // Stable-Baselines3's whole policy holds the critics, too.
+        let whole = if file.names().iter().any(|name| name.starts_with("actor.")) { "actor." } else { "" };
+        let has = |i: &usize| file.tensor(&format!("{whole}{}.weight", hidden(*i))).is_ok();
+        let trunk = (0..HIDDEN_MAX).take_while(has).count().max(1);
+        let names: Vec<String> =
+            (0..trunk).map(hidden).chain(HEADS.map(String::from)).map(|name| format!("{whole}{name}")).collect();
         let known: Vec<String> =
-            TRUNK.iter().chain(&HEADS).flat_map(|layer| [format!("{layer}.bias"), format!("{layer}.weight")]).collect();
-        if let Some(odd) = file.names().into_iter().find(|name| !known.iter().any(|known| known == name)) {
+            names.iter().flat_map(|layer| [format!("{layer}.bias"), format!("{layer}.weight")]).collect();
+        let is_critic = |name: &str| !whole.is_empty() && name.starts_with("critic");
+        if let Some(odd) =
+            file.names().into_iter().find(|name| !is_critic(name) && !known.iter().any(|known| known == name))
+        {
             return Err(WeightsError::new(odd, "a tensor", format!("no other than {}", known.join(", "))));
         }
-        let (first, second) = (width(&file, TRUNK[0])?, width(&file, TRUNK[1])?);
-        let heads = [layer(&file, HEADS[0], second, ACTION)?, layer(&file, HEADS[1], second, ACTION)?];
-        let second = layer(&file, TRUNK[1], first, second)?;
-        let first = layer(&file, TRUNK[0], setting.length(), first)?;
-        let actor = Arc::new(Mlp { layers: vec![first, second, beside(&heads)] });
+        let (mut layers, mut inputs) = (Vec::new(), setting.length());
+        for name in &names[..trunk] {
+            layers.push(layer(&file, name, inputs, width(&file, name)?)?);
+            inputs = layers[layers.len() - 1].outputs;
+        }
+        let [mean, spread] = &names[trunk..] else {
+            return Err(WeightsError::new("header", "no heads", HEADS.join(", ")));
+        };
+        layers.push(beside(&[layer(&file, mean, inputs, ACTION)?, layer(&file, spread, inputs, ACTION)?]));
+        let actor = Mlp { layers };
         check(setting, &actor)?;
-        Ok(Weights { setting, form, actor, digest: Digest::of_bytes(bytes) })
+        Ok(Weights { setting, actor: Actor::Layers(Arc::new(actor), form), digest: Digest::of_bytes(bytes) })
     }
 
-    /// Returns the bytes of a file with an actor of two hidden layers.
+    /// Returns the action for the observation in `values`; `spare` is room.
+    pub fn act(&self, values: &mut Vec<f32>, spare: &mut Vec<f32>) -> [f32; ACTION] {
+        let (actor, form) = match &self.actor {
+            Actor::Layers(actor, form) => (actor, form),
+            Actor::Graph(graph) => return graph.act(values, spare),
+        };
+        match form.activation {
+            Activation::Relu => actor.apply(values, spare),
+            Activation::Tanh => actor.apply_with(tanh, values, spare),
+            Activation::Elu => actor.apply_with(elu, values, spare),
+            Activation::Gelu => actor.apply_with(gelu, values, spare),
+            Activation::Silu => actor.apply_with(silu, values, spare),
+        }
+        [values[0], values[1]].map(|mean| match form.squash {
+            Squash::Tanh => tanh(mean),
+            Squash::Clip => mean.clamp(-1.0, 1.0),
+        })
+    }
+
+    /// Returns the bytes of a file with an actor of one to eight hidden layers.
     ///
     /// # Errors
     /// An actor of another form.
@@ -136,7 +174,10 @@ impl Weights {
         let activation = match activation {
             "relu" => Activation::Relu,
             "tanh" => Activation::Tanh,
-            other => return Err(wrong("activation", other, "relu or tanh")),
+            "elu" => Activation::Elu,
+            "gelu" => Activation::Gelu,
+            "silu" => Activation::Silu,
+            other => return Err(wrong("activation", other, "relu, tanh, elu, gelu or silu")),
         };
         let squash = match squash {
             "tanh" => Squash::Tanh,
@@ -151,9 +192,10 @@ impl Weights {
     /// # Errors
     /// An actor that [`Weights::from_bytes`] would refuse.
     pub fn to_bytes_as(setting: Setting, actor: &Mlp, form: Form) -> Result<Vec<u8>, WeightsError> {
-        let [first, second, both] = check(setting, actor)?;
-        let heads = apart(both);
-        let layers = TRUNK.iter().chain(&HEADS).zip([first, second].into_iter().chain(&heads));
+        let (heads, trunk) = check(setting, actor)?;
+        let heads = apart(heads);
+        let names = (0..trunk.len()).map(hidden).chain(HEADS.map(String::from));
+        let layers = names.zip(trunk.iter().chain(&heads));
         let mut tensors: Vec<(String, Vec<usize>, Vec<u8>)> = Vec::new();
         for (name, layer) in layers {
             let turned = transposed(&layer.weights, layer.outputs);
@@ -178,34 +220,32 @@ impl Weights {
 }
 
 /// Returns the layers of an actor that a file can hold and that can drive a car: the rules for reading hold for writing, too.
-fn check(setting: Setting, actor: &Mlp) -> Result<[&Dense; 3], WeightsError> {
-    let [first, second, heads] = &actor.layers[..] else {
-        return Err(WeightsError::new("actor", format!("{} layers", actor.layers.len()), "3 layers"));
+fn check(setting: Setting, actor: &Mlp) -> Result<(&Dense, &[Dense]), WeightsError> {
+    let Some((heads, trunk)) = actor.layers.split_last().filter(|(_, trunk)| (1..=HIDDEN_MAX).contains(&trunk.len()))
+    else {
+        let expected = format!("2 to {} layers", HIDDEN_MAX + 1);
+        return Err(WeightsError::new("actor", format!("{} layers", actor.layers.len()), expected));
     };
-    let widths = [check_width(TRUNK[0], first.outputs)?, check_width(TRUNK[1], second.outputs)?];
-    let due = [
-        (TRUNK[0], first, setting.length(), widths[0]),
-        (TRUNK[1], second, widths[0], widths[1]),
-        (HEADS[0], heads, widths[1], 2 * ACTION),
-    ];
-    for (name, layer, inputs, outputs) in due {
+    let mut inputs = setting.length();
+    for (i, layer) in actor.layers.iter().enumerate() {
+        let is_hidden = i < trunk.len();
+        let name = if is_hidden { hidden(i) } else { HEADS[0].to_string() };
+        let outputs = if is_hidden { check_width(&name, layer.outputs)? } else { 2 * ACTION };
         let numbers = (layer.inputs, layer.outputs, layer.weights.len(), layer.bias.len());
         if numbers != (inputs, outputs, inputs * outputs, outputs) {
             let found = format!(
                 "{} inputs and {} outputs by {} weights and {} biases",
                 numbers.0, numbers.1, numbers.2, numbers.3
             );
-            return Err(WeightsError::new(
-                name,
-                found,
-                format!("{inputs} inputs and {outputs} outputs, with their numbers"),
-            ));
+            let expected = format!("{inputs} inputs and {outputs} outputs, with their numbers");
+            return Err(WeightsError::new(&name, found, expected));
         }
         if let Some(bad) = layer.weights.iter().chain(&layer.bias).find(|x| !x.is_finite()) {
-            return Err(WeightsError::new(name, format!("{bad} as a number"), "finite numbers"));
+            return Err(WeightsError::new(&name, format!("{bad} as a number"), "finite numbers"));
         }
+        inputs = outputs;
     }
-    Ok([first, second, heads])
+    Ok((heads, trunk))
 }
 
 /// Returns the outputs of a hidden layer, if it may have so many.
@@ -302,20 +342,59 @@ mod tests {
     fn weights_read_back_as_they_were() {
         let bytes = Weights::to_bytes(Setting::Safebench1, &actor()).unwrap();
         let read = Weights::from_bytes(&bytes).unwrap();
-        assert_eq!((read.setting, &*read.actor), (Setting::Safebench1, &actor()));
-        assert_eq!(Weights::to_bytes(read.setting, &read.actor).unwrap(), bytes);
+        let Actor::Layers(read_actor, form) = &read.actor else { panic!("layers") };
+        assert_eq!((read.setting, &**read_actor), (Setting::Safebench1, &actor()));
+        assert_eq!(Weights::to_bytes_as(read.setting, read_actor, *form).unwrap(), bytes);
     }
 
     #[test]
     fn a_form_of_another_training_is_written_and_read_and_drives_otherwise() {
         let ppo = Weights::form("tanh", "clip").unwrap();
         let bytes = Weights::to_bytes_as(Setting::Safebench1, &actor(), ppo).unwrap();
-        assert_eq!(Weights::from_bytes(&bytes).unwrap().form, ppo);
+        assert!(matches!(Weights::from_bytes(&bytes).unwrap().actor, Actor::Layers(_, form) if form == ppo));
         let plain = Weights::to_bytes(Setting::Safebench1, &actor()).unwrap();
         let is_said = |bytes: &[u8]| bytes.windows(10).any(|w| w == b"activation");
         assert!(is_said(&bytes) && !is_said(&plain), "files of our own trainings stay what they were");
         let refused = [Weights::form("swish", "clip"), Weights::form("relu", "none")];
         assert!(refused.iter().all(|form| form.as_ref().is_err_and(|error| error.to_string().contains("expected"))));
+    }
+
+    #[test]
+    fn an_actor_of_three_hidden_layers_acts_by_all_of_them_also_beside_its_critics() {
+        let mut actor = Mlp::zeros(&[4, 3, 2, 3, 2 * ACTION]);
+        for (i, x) in actor.parameters_mut().flatten().enumerate() {
+            *x = (i * 7 % 11) as f32 / 16.0 - 0.25;
+        }
+        let mut expected = vec![0.5, -0.25, 1.5, 1.0];
+        for (i, layer) in actor.layers.iter().enumerate() {
+            let sum = |o: usize| {
+                expected
+                    .iter()
+                    .enumerate()
+                    .fold(layer.bias[o], |sum, (i, x)| sum + x * layer.weights[i * layer.outputs + o])
+            };
+            let sums: Vec<f32> = (0..layer.outputs).map(sum).collect();
+            expected = if i < 3 { sums.into_iter().map(|x| x.max(0.0)).collect() } else { sums };
+        }
+        let bytes = Weights::to_bytes(Setting::Safebench2, &actor).unwrap();
+        let act = |bytes: &[u8]| {
+            let seen = &mut vec![0.5, -0.25, 1.5, 1.0];
+            Weights::from_bytes(bytes).map(|weights| weights.act(seen, &mut Vec::new()))
+        };
+        assert_eq!(act(&bytes).unwrap(), [tanh(expected[0]), tanh(expected[1])]);
+        // Stable-Baselines3's whole policy, by the names of its tensors; without the prefix a critic is no tensor of ours.
+        let file = SafeTensors::deserialize(&bytes).unwrap();
+        let header = [(KEY.to_string(), "{\"observation\":\"safebench-2\"}".to_string())];
+        let whole = |prefix: &str, left_out: &str| {
+            let own = file.tensors().into_iter().filter(|(name, _)| name != left_out);
+            let all = own.clone().map(|(name, of)| (format!("{prefix}{name}"), of));
+            let critics = own.take(1).map(|(name, of)| (format!("critic.{name}"), of));
+            serialize(all.chain(critics), Some(header.clone().into())).unwrap()
+        };
+        assert_eq!(act(&whole("actor.", "")).unwrap(), act(&bytes).unwrap());
+        assert!(act(&whole("", "")).unwrap_err().to_string().contains("critic."));
+        let gap = act(&whole("actor.", "latent_pi.2.weight")).unwrap_err().to_string();
+        assert!(gap.contains("actor.latent_pi.") && gap.contains("a tensor"), "{gap}");
     }
 
     #[test]
@@ -358,7 +437,7 @@ mod tests {
     #[test]
     fn nothing_is_written_that_the_reader_refuses() {
         let refused = |actor: Mlp| Weights::to_bytes(Setting::Safebench1, &actor).unwrap_err().to_string();
-        for widths in [&[4, 3, 4][..], &[5, 3, 3, 4], &[4, 3, 3, 2], &[4, 0, 0, 4], &[4, 1025, 1025, 4], &[]] {
+        for widths in [&[4, 4][..], &[4; 11], &[5, 3, 3, 4], &[4, 3, 3, 2], &[4, 0, 0, 4], &[4, 1025, 1025, 4], &[]] {
             assert!(refused(Mlp::zeros(widths)).contains("expected"), "{widths:?}");
         }
         let changed = |change: fn(&mut Dense)| {

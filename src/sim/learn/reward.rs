@@ -85,6 +85,16 @@ pub struct Step {
     pub steering: f64,
 }
 
+impl Step {
+    /// What its numbers are called, in the order of [`Step::numbers`].
+    pub const NAMES: [&str; 6] = ["progress_m", "offset_m", "turn_rad", "speed_mps", "along_mps", "steering"];
+
+    /// Its numbers.
+    pub fn numbers(&self) -> [f64; 6] {
+        [self.progress_m, self.offset_m, self.turn_rad, self.speed_mps, self.along_mps, self.steering]
+    }
+}
+
 impl Reward {
     /// Returns the reward of the step; `end` is the end of the rollout, if it ended with the step.
     pub fn of(&self, step: &Step, end: Option<End>) -> f64 {

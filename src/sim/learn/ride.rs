@@ -21,6 +21,7 @@ pub struct Ride<'a> {
     setting: Setting,
     /// Place along the route at the last decision, metres.
     last_s_m: f64,
+    last: Step,
 }
 
 impl<'a> Ride<'a> {
@@ -39,12 +40,17 @@ impl<'a> Ride<'a> {
             episode = episode.keeping_motion();
         }
         let last_s_m = episode.observe().ego().along.s_m;
-        Ok(Ride { episode, setting, last_s_m })
+        Ok(Ride { episode, setting, last_s_m, last: Step::default() })
     }
 
     /// Returns the episode behind it.
     pub fn episode(&self) -> &Episode<'a> {
         &self.episode
+    }
+
+    /// Returns the effects of the last step; nothing before the first.
+    pub fn last(&self) -> &Step {
+        &self.last
     }
 
     /// Returns the present view of a driver.
@@ -71,7 +77,7 @@ impl<'a> Ride<'a> {
             along_mps: ego.sample.velocity.dot(route.direction(ego.along.segment)),
             steering: f64::from(action[0]),
         };
-        self.last_s_m = ego.along.s_m;
+        (self.last_s_m, self.last) = (ego.along.s_m, step);
         Ok((reward.of(&step, end), end))
     }
 }

@@ -1,6 +1,6 @@
 //! The ego policies.
 
-use crate::ego::network::{Mlp, tanh};
+use crate::ego::network::Mlp;
 use crate::ego::observation::ACTION;
 use crate::ego::{Policy, PolicyError, Setting, Weights};
 use crate::kernel::{Seed, Vec2};
@@ -185,9 +185,7 @@ fn published() -> Weights {
 
 /// Steering and pedal that a network of four numbers gives.
 fn acts(weights: &Weights, seen: [f32; 4]) -> [f32; 2] {
-    let (mut values, mut spare) = (seen.to_vec(), Vec::new());
-    weights.actor.apply(&mut values, &mut spare);
-    [tanh(values[0]), tanh(values[1])]
+    weights.act(&mut seen.to_vec(), &mut Vec::new())
 }
 
 #[test]

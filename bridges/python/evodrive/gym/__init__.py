@@ -7,9 +7,12 @@
     obs, rewards, terminated, truncated, info = env.step(env.action_space.sample())
 """
 
+from typing import Any
+
 import gymnasium as _gymnasium
 
 from .adapters import sb3
+from .engine import Record
 from .evolving import evolve
 from .policies import evaluate, save_policy
 from .rewards import MetaDriveReward, SafeBenchReward
@@ -24,6 +27,7 @@ __all__ = [
     "HeldOut",
     "ID",
     "MetaDriveReward",
+    "Record",
     "SafeBenchReward",
     "Scenarios",
     "VecEnv",
@@ -38,9 +42,15 @@ __all__ = [
 #: Under which name Gymnasium knows the environment.
 ID = "evodrive/Adversarial-v0"
 if ID not in _gymnasium.registry:
-    _gymnasium.register(id=ID, entry_point="evodrive.gym.single:AdversarialEnv", vector_entry_point="evodrive.gym.vector:VecEnv")
+    # The environment itself says what is wrong with a step before the first reset.
+    _gymnasium.register(
+        id=ID,
+        entry_point="evodrive.gym.single:AdversarialEnv",
+        vector_entry_point="evodrive.gym.vector:VecEnv",
+        order_enforce=False,
+    )
 
 
-def make(id=ID, **options):
+def make(id: str = ID, **options: Any) -> _gymnasium.Env[Any, Any]:
     """`gymnasium.make` of an environment of this package, without the checker of each step."""
     return _gymnasium.make(id, **{"disable_env_checker": True, **options})

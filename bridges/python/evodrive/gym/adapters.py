@@ -1,14 +1,22 @@
 """The same environments for other libraries' interfaces."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
+if TYPE_CHECKING:
+    from stable_baselines3.common.vec_env import VecEnv as SB3VecEnv
 
-def sb3(env):
-    """A `VecEnv` (autoreset "same_step") as Stable-Baselines3 wants it."""
+    from .vector import VecEnv
+
+
+def sb3(env: VecEnv) -> SB3VecEnv:
+    """A `VecEnv` as Stable-Baselines3 wants it: set to autoreset "same_step"."""
     from stable_baselines3.common.vec_env import VecEnv as Base
 
-    if env.metadata["autoreset_mode"].name != "SAME_STEP":
-        raise ValueError("Stable-Baselines3 resets in the step that ends an episode; make the VecEnv with autoreset='same_step'")
+    env._set_autoreset("same_step")
     if env.observation == "arrays-1":
         keys = list(env.single_observation_space.spaces)
 
@@ -27,6 +35,10 @@ def sb3(env):
         @policy.setter
         def policy(self, policy):
             env.policy = policy
+
+        def set_mix(self, mix, programs=None):
+            """As of `VecEnv.set_mix`."""
+            env.set_mix(mix, programs)
 
         def _copied(self, obs):
             if env.copy:
@@ -82,8 +94,8 @@ PUFFERLIB = (
 )
 
 
-def puffer(env, buf=None, seed=None):
-    """A `VecEnv` (autoreset "same_step", observation in one array) as PufferLib's native environment, a `pufferlib.PufferEnv`. `buf`:
+def puffer(env: VecEnv, buf: Any = None, seed: int | None = None) -> Any:
+    """A `VecEnv` (observation in one array) as PufferLib's native environment, a `pufferlib.PufferEnv`: set to autoreset "same_step". `buf`:
     PufferLib's own arrays, which are written in place; without it the environment makes them. `seed` is that of the first reset."""
     try:
         import pufferlib
@@ -91,10 +103,10 @@ def puffer(env, buf=None, seed=None):
         raise ImportError(f"PufferLib cannot be loaded: {error}. {PUFFERLIB}") from error
     if not hasattr(pufferlib, "PufferEnv"):
         raise ImportError(f"PufferLib {pufferlib.__version__} has no PufferEnv; expected 3.0. {PUFFERLIB}")
-    if env.metadata["autoreset_mode"].name != "SAME_STEP":
-        raise ValueError("PufferLib resets in the step that ends an episode; make the VecEnv with autoreset='same_step'")
     if env.observation == "arrays-1":
         raise ValueError("PufferLib's native environments observe one array; make the VecEnv with 'metadrive-1' or 'safebench-2'")
+
+    env._set_autoreset("same_step")
 
     class Puffer(pufferlib.PufferEnv):
         """Steps a `VecEnv`, an agent an environment."""

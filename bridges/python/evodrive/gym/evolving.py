@@ -22,10 +22,10 @@ class Evolved:
     family: str
     solution: str  # its name in the run, e.g. cat-policy/e2s5; the family's parent where nothing better was found
     run: Path  # the run folder: report.html shows every proposal, evodrive.load(run) gives its tables
-    parent: dict  # attack and realism of the family's parent in the run's own held-out scenes
-    evolved: dict  # and of this program
+    parent: dict[str, float]  # attack and realism of the family's parent in the run's own held-out scenes
+    evolved: dict[str, float]  # and of this program
 
-    def __fspath__(self):
+    def __fspath__(self) -> str:
         return os.fspath(self.path)
 
 
@@ -34,7 +34,7 @@ def evolve(
     scenarios: Scenarios,
     families: Sequence[str] = ("cat",),
     proposer: str = "scripted",
-    out: str | os.PathLike = "evolved",
+    out: str | os.PathLike[str] = "evolved",
     name: str = "evolved",
     epochs: int = 4,
     slots: int = 6,
@@ -63,7 +63,7 @@ def evolve(
     file = folder / f"{name}.toml"
     if file.exists():
         raise FileExistsError(f"{file} exists already; name another run: evolve(.., name=...)")
-    weights = folder / f"{name}.safetensors"
+    weights = folder / f"{name}{'.onnx' if str(policy).endswith('.onnx') else '.safetensors'}"
     content = weights_of(policy, observation)
     if weights.exists() and weights.read_bytes() != content:
         raise FileExistsError(f"{weights} exists already and holds other weights; name another run: evolve(.., name=...)")

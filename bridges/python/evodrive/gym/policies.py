@@ -11,17 +11,20 @@ import numpy as np
 
 from .. import _evodrive
 from ..shown import shown
-from .scenarios import HeldOut, Scenarios, _driver
+from .scenarios import HeldOut, Path_, Scenarios, _driver
+from .spaces import views
 
-_NAMES = "latent_pi.0, latent_pi.2 and mu, each with weight and bias"
+_NAMES = "latent_pi.0, latent_pi.2 .. (one to eight) and mu, each with weight and bias"
+# torch's functions between layers, as a file names them.
+_FUNCTIONS = {"ReLU": "relu", "Tanh": "tanh", "ELU": "elu", "GELU": "gelu", "SiLU": "silu"}
 
 
-def save_policy(actor: Any, path: str | os.PathLike, observation: str = "metadrive-1", squash: str | None = None) -> str | os.PathLike:
+def save_policy(actor: Any, path: Path_, observation: str = "metadrive-1", squash: str | None = None) -> Path_:
     """Writes a policy as a file of weights that EvoDrive drives with, and gives the path.
 
-    actor   a torch module of three linear layers (two hidden ones of one width, with ReLU or tanh between them, and the action's
+    actor   a torch module of linear layers (one to eight hidden ones, with ReLU, Tanh, ELU, GELU or SiLU between them, and the action's
             means); a Stable-Baselines3 model (SAC, TD3, DDPG, PPO, A2C); or a dictionary of arrays named as in SB3's SAC:
-            latent_pi.0.weight (hidden, numbers observed), latent_pi.0.bias, latent_pi.2.weight, .bias, mu.weight, .bias
+            latent_pi.0.weight (hidden, numbers observed), latent_pi.0.bias, latent_pi.2.weight, .bias .., mu.weight, .bias, with ReLU
     squash  how means become an action: "tanh", or "clip" to [-1, 1]. Without it: tanh of SAC, of a module that ends with it, and
             of arrays; clip of PPO, A2C and other modules
     """
@@ -51,7 +54,8 @@ def weights_of(actor: Any, observation: str = "metadrive-1", squash: str | None 
 def _layers(actor):
     """Layers, the function between them, and how means become actions; Nones of what is no policy."""
     if isinstance(actor, dict):
-        names = ("latent_pi.0", "latent_pi.2", "mu")
+        hidden = sum(name.startswith("latent_pi.") and name.endswith(".weight") for name in actor)
+        names = [*(f"latent_pi.{2 * i}" for i in range(max(hidden, 1))), "mu"]
         try:
             return [(actor[f"{name}.weight"], actor[f"{name}.bias"]) for name in names], "relu", "tanh"
         except KeyError as missing:
@@ -72,12 +76,14 @@ def _of_modules(*parts, squash=None):
     between = [leaf for leaf in leaves if not isinstance(leaf, (nn.Linear, nn.Flatten, nn.Identity))]
     ends_with_tanh = bool(leaves) and isinstance(leaves[-1], nn.Tanh)
     kinds = {type(leaf).__name__ for leaf in (between[:-1] if ends_with_tanh else between)}
-    if len(linear) != 3 or kinds not in ({"ReLU"}, {"Tanh"}):
+    function = _FUNCTIONS.get("".join(kinds)) if len(kinds) == 1 else None
+    is_other = any(getattr(leaf, "alpha", 1.0) != 1.0 or getattr(leaf, "approximate", "none") != "none" for leaf in between)
+    if not 2 <= len(linear) <= 9 or function is None or is_other:
         raise ValueError(
-            f"the module has {len(linear)} linear layers with {sorted(kinds) or 'nothing'} between them; expected three, the last one "
-            "the action's means, with ReLU or Tanh between them"
+            f"the module has {len(linear)} linear layers with {sorted(kinds) or 'nothing'} between them; expected two to nine, the last one "
+            f"the action's means, with one of {', '.join(_FUNCTIONS)} between them, of torch's defaults; export others as ONNX (docs/EGOS.md)"
         )
-    return linear, "relu" if kinds == {"ReLU"} else "tanh", squash or ("tanh" if ends_with_tanh else "clip")
+    return linear, function, squash or ("tanh" if ends_with_tanh else "clip")
 
 
 def _of_sb3(model):
@@ -98,10 +104,54 @@ def _of_sb3(model):
     return layers, activation, squash
 
 
-def evaluate(policy: Any, scenes: HeldOut | Scenarios, observation: str = "metadrive-1", threads: int = 0) -> dict[str, dict]:
+def _asked(policy, observation):
+    """A policy within Python as the engine asks it: bytes of observations and their count in, bytes of actions out. None of one that
+    becomes a file of weights."""
+    if not callable(policy) and not hasattr(policy, "predict"):
+        return None
+    try:
+        if observation != "arrays-1" and _layers(policy)[0] is not None:
+            return None
+    except ValueError:
+        pass  # another network than that of a file
+    answer = policy
+    if hasattr(policy, "predict"):
+        answer = lambda obs: policy.predict(obs, deterministic=True)[0]
+    elif hasattr(policy, "named_modules"):
+        answer = _module(policy)
+
+    def ask(seen, count):
+        actions = np.asarray(answer(views(np.frombuffer(seen, np.float32).reshape(count, -1).copy(), observation)))
+        if actions.shape != (count, 2) or actions.dtype.kind not in "fiu":
+            found = f"{actions.dtype} of shape {actions.shape}"
+            raise ValueError(f"the policy gave {found} for {count} observations; expected numbers of shape ({count}, 2): steering and pedal a row")
+        if not np.isfinite(actions).all():
+            row, which = np.argwhere(~np.isfinite(actions))[0]
+            raise ValueError(f"the policy gave {actions[row, which]} as action[{row}, {which}]; expected finite numbers, which are clipped to -1 .. 1")
+        return np.clip(actions, -1.0, 1.0).astype("<f4").tobytes()
+
+    return ask
+
+
+def _module(module):
+    import torch
+
+    def answer(obs):
+        device = next((of.device for of in module.parameters()), None)
+        tensor = lambda of: torch.from_numpy(np.ascontiguousarray(of)).to(device)
+        with torch.no_grad():
+            return module({name: tensor(of) for name, of in obs.items()} if isinstance(obs, dict) else tensor(obs)).cpu().numpy()
+
+    return answer
+
+
+def evaluate(policy: Any, scenes: HeldOut | Scenarios, observation: str = "metadrive-1", threads: int = 0) -> dict[str, dict[str, Any]]:
     """How a policy drives, under each program planned around it: `evodrive apply`'s labels and `evodrive egos`' figures.
 
-    policy  a file of weights, "idm", "idm-lights", "pdm", "frenet", "replay", "standing" (brakes and stands), or whatever `save_policy` takes
+    policy  a file of weights, "idm", "idm-lights", "pdm", "frenet", "replay", "standing" (brakes and stands), whatever `save_policy` takes; or,
+            within this process, a function, any other torch module (as it is: `eval()` is yours) or SB3 model: it is given the observations
+            of all scenes that still go on (n, numbers; of "arrays-1" a dictionary) and gives actions (n, 2), clipped to -1 .. 1. Programs
+            are planned around its drive; SafeBench's around IDM, without labels
     scenes  `scenarios.held_out`, or `Scenarios` for the scenes of the training
 
     Gives a dictionary by program: scenes, crash_rate (anybody), off_road_rate, arrival_rate, route_completion, speed_mps, not_planned
@@ -115,6 +165,8 @@ def evaluate(policy: Any, scenes: HeldOut | Scenarios, observation: str = "metad
         name, weights = policy, None
     elif isinstance(policy, (str, os.PathLike)):
         name, weights = _driver(policy)
+    elif ask := _asked(policy, observation):
+        return json.loads(_evodrive.evaluate_by(scenarios._native, ask, observation, held_out, threads))
     else:
         name, weights = None, weights_of(policy, observation)
     return json.loads(_evodrive.evaluate(scenarios._native, name, weights, held_out, threads))

@@ -1,7 +1,12 @@
 """What a step is worth: the rules of the two settings, every constant a field. docs/EGOS.md has the formulas."""
 
-import json
+from __future__ import annotations
+
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from typing import Any
+
+from ..shown import shown
 
 
 @dataclass(frozen=True)
@@ -21,8 +26,8 @@ class MetaDriveReward:
     success: float = 5.0  # in place of the sum, on arrival
     out_of_road: float = 5.0  # taken off in place of the sum, when the road is left
 
-    def _json(self):
-        return json.dumps({"rule": "metadrive", **asdict(self)})
+    def _plain(self) -> dict[str, Any]:
+        return {"rule": "metadrive", **asdict(self)}
 
 
 @dataclass(frozen=True)
@@ -38,5 +43,19 @@ class SafeBenchReward:
     side: float = 0.2
     steer_share: float = 0.3
 
-    def _json(self):
-        return json.dumps({"rule": "safebench", **asdict(self)})
+    def _plain(self) -> dict[str, Any]:
+        return {"rule": "safebench", **asdict(self)}
+
+
+def reward_of(reward):
+    """The rule that the engine computes, and the function in its place where there is one."""
+    if isinstance(reward, Mapping):  # of a spec that was JSON
+        rules = {"metadrive": MetaDriveReward, "safebench": SafeBenchReward}
+        if reward.get("rule") not in rules:
+            raise ValueError(f"the rule of the reward is {shown(reward.get('rule'))}; expected 'metadrive' or 'safebench'")
+        reward = rules[reward["rule"]](**{name: of for name, of in reward.items() if name != "rule"})
+    if reward is None or isinstance(reward, (MetaDriveReward, SafeBenchReward)):
+        return MetaDriveReward() if reward is None else reward, None
+    if callable(reward):
+        return MetaDriveReward(), reward
+    raise TypeError(f"reward is a {type(reward).__name__}; expected MetaDriveReward, SafeBenchReward or a function of a record")

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import gymnasium
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..shown import shown
 from . import spaces
-from .rewards import MetaDriveReward, SafeBenchReward
+from .engine import Driven, Engine, Reward, Worth, class_name, end_name
 from .scenarios import Scenarios
-from .vector import class_name, end_name, named_task, native
 
 
-class AdversarialEnv(gymnasium.Env):
+class AdversarialEnv(Driven, gymnasium.Env[Any, Any]):
     """One environment: `evodrive.gym.make("evodrive/Adversarial-v0", scenarios=...)`.
 
     Arguments as of `VecEnv`. With `render_mode="rgb_array"`, `render()` gives the present moment, uint8 (height, width, 3), the ego
@@ -20,93 +23,93 @@ class AdversarialEnv(gymnasium.Env):
     `adversary` and `preventable` (None where it was not asked, or nobody was met).
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
 
     def __init__(
         self,
-        scenarios: Scenarios,
+        scenarios: Scenarios | Mapping[str, Any],
         observation: str = "metadrive-1",
-        reward: MetaDriveReward | SafeBenchReward | None = None,
+        reward: Reward = None,
         seed: int | None = None,
         preventable: bool = False,
         keep: bool = False,
         render_mode: str | None = None,
         width: int = 480,
-    ):
+        cost: Worth | None = None,
+        out_of_bounds: str = "raise",
+        by_failure: float = 1.0,
+    ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode is {shown(render_mode)}; expected None or 'rgb_array'")
         if not 200 <= width <= 4000:
             raise ValueError(f"width is {width}; expected 200 to 4000 pixels")
-        reward = MetaDriveReward() if reward is None else reward
         self.observation_space, self.action_space = spaces.observation_space(observation), spaces.action_space()
         motion = render_mode is not None
-        self._native = native(scenarios, 1, 1, observation, reward, "disabled", preventable, keep, motion)
-        self.scenarios, self.observation, self.render_mode, self.width = scenarios, observation, render_mode, width
-        self._first_seed, self._begun = seed, False
-        of = lambda name: np.asarray(self._native.array(name))
-        self._actions, self._rewards = of("actions"), of("rewards")
-        self._terminated, self._truncated = of("terminated"), of("truncated")
-        self._sheets = [spaces.views(of(f"observations_{k}"), observation) for k in (0, 1)]
-        self._end, self._class, self._adversary, self._preventable, self._completion, self._sum = (
-            of(name) for name in ("end", "contact_class", "adversary", "preventable", "route_completion", "sum")
+        self._engine = Engine(
+            scenarios, 1, 1, observation, reward, cost, "disabled", out_of_bounds, by_failure, preventable, keep, motion
         )
-        self._scene, self._program = of("scene"), of("program")
-        self._ids, self._names = scenarios.scenes, scenarios.program_names
+        self.observation, self.render_mode, self.width = observation, render_mode, width
+        self._first_seed, self._begun = seed, False
 
     def _seen(self, sheet):
-        sheet = self._sheets[sheet]
+        sheet = self._engine.sheets[sheet]
         return {name: of[0].copy() for name, of in sheet.items()} if isinstance(sheet, dict) else sheet[0].copy()
 
     def _info(self):
+        reports = self._engine.reports
         return {
-            "scene": self._ids[self._scene[0]],
-            "program": self._names[self._program[0]],
-            "route_completion": float(self._completion[0]),
+            "scene": self.scenarios._ids[reports["scene"][0]],
+            "program": self.scenarios._names[reports["program"][0]],
+            "route_completion": float(reports["route_completion"][0]),
         }
 
-    def reset(self, *, seed=None, options=None):
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         seed = self._first_seed if seed is None else seed
         self._first_seed = None
         super().reset(seed=seed)
         if seed is not None:
-            self._native.seed([(0, int(seed))])
+            self._engine.native.seed([(0, int(seed))])
         elif not self._begun:
-            self._native.seed([(0, int(self.np_random.integers(2**63)))])
+            self._engine.native.seed([(0, int(self.np_random.integers(2**63)))])
         self._begun = True
-        sheet = self._native.reset(None, named_task(self.scenarios, dict(options or {})))
+        sheet = self._engine.reset(None, dict(options or {}))
         return self._seen(sheet), self._info()
 
-    def step(self, action):
-        action = np.asarray(action)
+    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        engine, action = self._engine, np.asarray(action)
         if action.shape != (2,):
             raise ValueError(f"the action has the shape {action.shape}; expected (2,): steering and pedal")
-        np.copyto(self._actions[0], action, casting="same_kind")
-        ended, sheet = self._native.step()
+        ended, sheet = engine.step(engine.actions[0], action)
+        rewards, costs, returns = engine.judged()
         info = self._info()
         if ended:
-            preventable = int(self._preventable[0])
+            end, contact, adversary, preventable = (
+                engine.reports[name][0] for name in ("end", "contact_class", "adversary", "preventable")
+            )
             info |= {
-                "end": end_name(self._end[0]),
-                "contact_class": class_name(self._class[0]),
-                "adversary": bool(self._adversary[0]),
+                "end": end_name(end),
+                "contact_class": class_name(contact),
+                "adversary": bool(adversary),
                 "preventable": None if preventable < 0 else bool(preventable),
-                "episode_return": float(self._sum[0]),
+                "episode_return": float(returns[0]),
             }
-        return self._seen(sheet), float(self._rewards[0]), bool(self._terminated[0]), bool(self._truncated[0]), info
+        if costs is not None:
+            info["cost"] = float(costs[0])
+        return self._seen(sheet), float(rewards[0]), bool(engine.terminated[0]), bool(engine.truncated[0]), info
 
-    def render(self):
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         if self.render_mode is None:
             gymnasium.logger.warn("render() without a render_mode; make the environment with render_mode='rgb_array'")
             return None
         if not self._begun:
             raise RuntimeError("render before the first reset; call reset first")
-        title = f"{self._ids[self._scene[0]]}, {self._names[self._program[0]]}"
-        height, width, rgb = self._native.picture(0, float(self.width), title)
+        info = self._info()
+        height, width, rgb = self._engine.native.picture(0, float(self.width), f"{info['scene']}, {info['program']}")
         return np.frombuffer(rgb, np.uint8).reshape(height, width, 3).copy()
 
     def episode(self) -> str | None:
         """The last episode that ended, as of `VecEnv.episode`."""
-        return self._native.kept(0)
+        return self._engine.native.kept(0)
 
-    def close(self):
-        self._native.close()
+    def close(self) -> None:
+        self._engine.native.close()

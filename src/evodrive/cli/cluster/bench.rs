@@ -42,7 +42,7 @@ pub struct SimOptions {
     /// How often the whole pool is rolled out; the figures are medians.
     #[arg(long, default_value_t = 5)]
     pub repeats: usize,
-    /// Driver under test: idm, idm-lights, pdm, frenet, replay, or weights (.safetensors, or a name as evodrive:sac-metadrive).
+    /// Driver under test: idm, idm-lights, pdm, frenet, replay, or weights (.safetensors, .onnx, or a name as evodrive:sac-metadrive).
     #[arg(long, default_value = "idm")]
     pub ego: String,
     /// Also roll the pool out with the adversaries under a law, and give the ratio of the two speeds.

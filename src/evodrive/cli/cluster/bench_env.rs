@@ -107,7 +107,8 @@ fn digests(options: &EnvOptions, tasks: &Arc<Tasks>, threads: &Threads) -> Resul
 fn begun(tasks: &Arc<Tasks>, places: usize, setting: Setting, threads: &Threads) -> Result<Fleet, Failure> {
     let reward = Reward::metadrive(1.0);
     let (seeing, autoreset) = (Seeing::Setting(setting), Autoreset::SameStep);
-    let options = FleetOptions { seeing, reward, autoreset, assesses: false, keeps: false, keeps_motion: false };
+    let (assesses, keeps, keeps_motion) = (false, false, false);
+    let options = FleetOptions { seeing, reward, autoreset, by_failure: 1.0, assesses, keeps, keeps_motion };
     let mut fleet = Fleet::new(tasks.clone(), places, options).map_err(Failure::bad_input)?;
     fleet.reset(&|_| true, None, threads).map_err(Failure::bad_input)?;
     Ok(fleet)

@@ -44,7 +44,7 @@ pub struct Options {
     /// Write a table, as `table` does; without it what it says in words.
     #[arg(long)]
     pub format: Option<Format>,
-    /// Driver under test, where the run's is not built in: the weights of a learned one (a file that ends in .safetensors).
+    /// Driver under test, where the run's is not built in: the weights of a learned one (a file that ends in .safetensors or .onnx).
     #[arg(long)]
     pub ego: Option<String>,
     /// Your planner as the driver, where the run was made with one: a program, a .py file, or a .toml file with a table

@@ -44,7 +44,7 @@ pub struct Options {
     /// Only the scene with this id; may be repeated.
     #[arg(long)]
     pub scene: Vec<String>,
-    /// Driver under test: idm, idm-lights, pdm, frenet, replay, or the weights of a learned one (a file that ends in .safetensors, or a name as
+    /// Driver under test: idm, idm-lights, pdm, frenet, replay, or the weights of a learned one (a file that ends in .safetensors or .onnx, or a name as
     /// evodrive:sac-chatscene); without it the one that the program was evolved against.
     #[arg(long)]
     pub ego: Option<String>,

@@ -130,7 +130,7 @@ fn planned(path: &Path, asked: &Asked, lessons: &[Lesson], seed: u64, threads: &
 
 /// Returns `true` if a word names weights: those that the program carries, or a file of them.
 pub fn is_weights(word: &str) -> bool {
-    word.ends_with(".safetensors") || shipped_weights("", word).is_some()
+    [".safetensors", ".onnx"].iter().any(|end| word.ends_with(end)) || shipped_weights("", word).is_some()
 }
 
 /// The ego whose weights a file holds, or that the program carries under this name.

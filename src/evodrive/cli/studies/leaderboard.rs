@@ -33,7 +33,7 @@ pub struct Options {
     /// Driver, as for `evodrive suite run`; may be repeated.
     #[arg(long)]
     pub driver: Vec<String>,
-    /// Weights of a learned driver (.safetensors); may be repeated.
+    /// Weights of a learned driver (.safetensors, .onnx); may be repeated.
     #[arg(long)]
     pub policy: Vec<PathBuf>,
     /// A planner's result whose recorded answers drive, without the planner; may be repeated.

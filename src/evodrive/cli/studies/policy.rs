@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
-use crate::ego::{Policy, checkpoint};
+use crate::ego::{Actor, Weights, checkpoint};
 use crate::formats::torch;
 use crate::kernel::Digest;
 use crate::store;
@@ -39,11 +39,12 @@ pub fn run(command: &Command) -> Result<Answer, Failure> {
     let tensors = torch::state_dict(&name, &bytes, &checkpoint::ACTORS).map_err(Failure::bad_input)?;
     let borrowed: Vec<_> = tensors.iter().map(|of| (of.name.as_str(), &of.shape[..], &of.values[..])).collect();
     let weights = checkpoint::weights(&borrowed).map_err(|error| Failure::bad_input(format!("{name}: {error}")))?;
-    let Policy::Learned(read) = Policy::learned(&weights).map_err(Failure::internal)? else {
-        return Err(Failure::internal("weights that are no learned ego"));
+    let read = Weights::from_bytes(&weights).map_err(Failure::internal)?;
+    let Actor::Layers(actor, _) = &read.actor else {
+        return Err(Failure::internal("weights that are no layers"));
     };
     output.write(out, &weights)?;
-    let widths: Vec<String> = read.actor.layers.iter().map(|layer| layer.inputs.to_string()).collect();
+    let widths: Vec<String> = actor.layers.iter().map(|layer| layer.inputs.to_string()).collect();
     let (digest, observation, shown) = (Digest::of_bytes(&weights), read.setting.name(), out.display());
     let text = format!(
         "{name}: an actor of {}-2 that drives by {observation}\nwritten to {shown}\npolicy = {{ file = \"{shown}\", digest = \"{digest}\" }}\n",

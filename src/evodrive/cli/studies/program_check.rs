@@ -28,7 +28,7 @@ pub struct Options {
     /// Compile it on these scenes too: a pool, scenario files or folders.
     #[arg(long, num_args = 1..)]
     pub scenes: Vec<PathBuf>,
-    /// Driver that it plans around there: idm, idm-lights, pdm, frenet, replay, or weights (.safetensors); without it the file's own.
+    /// Driver that it plans around there: idm, idm-lights, pdm, frenet, replay, or weights (.safetensors, .onnx); without it the file's own.
     #[arg(long, requires = "scenes")]
     pub ego: Option<String>,
 }

@@ -51,7 +51,7 @@ pub struct Options {
     /// Only the scene with this id; may be repeated.
     #[arg(long, requires = "scenes")]
     pub scene: Vec<String>,
-    /// Driver that it plans around there: idm, idm-lights, pdm, frenet, replay, or weights (.safetensors); without it the file's own.
+    /// Driver that it plans around there: idm, idm-lights, pdm, frenet, replay, or weights (.safetensors, .onnx); without it the file's own.
     #[arg(long, requires = "scenes")]
     pub ego: Option<String>,
     #[command(flatten)]

@@ -47,7 +47,7 @@ impl TestDriver {
             _ => {
                 let near = nearest(word, NAMES).map_or(String::new(), |near| format!("; did you mean {near}?"));
                 Err(Failure::bad_input(format!(
-                    "--driver {word}: expected one of {}, a file of weights (.safetensors) or a planner's file{near}",
+                    "--driver {word}: expected one of {}, a file of weights (.safetensors, .onnx) or a planner's file{near}",
                     NAMES.join(", ")
                 )))
             }

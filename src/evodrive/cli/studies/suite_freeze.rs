@@ -49,7 +49,7 @@ pub struct Options {
     /// Pools, scenario files or folders.
     #[arg(long, num_args = 1.., required = true)]
     pub scenes: Vec<PathBuf>,
-    /// Driver that the programs plan around and that the labels are of: idm, idm-lights, pdm, frenet, replay, weights (.safetensors), or a planner's
+    /// Driver that the programs plan around and that the labels are of: idm, idm-lights, pdm, frenet, replay, weights (.safetensors, .onnx), or a planner's
     /// file. Given several times they take turns over the scenes, and a case says around whom it was planned.
     #[arg(long, default_value = "idm")]
     pub driver: Vec<String>,

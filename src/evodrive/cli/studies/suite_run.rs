@@ -37,8 +37,8 @@ use crate::text::{counted, nearest};
 pub struct Options {
     /// Suite file.
     pub suite: PathBuf,
-    /// Driver: idm, idm-lights, pdm, frenet, replay, standing, weights (.safetensors), or a planner: a program, a .py
-    /// file, or a .toml file with a table [driver] (docs/EGOS.md).
+    /// Driver: idm, idm-lights, pdm, frenet, replay, standing, weights (.safetensors, .onnx), or a planner: a program,
+    /// a .py file, or a .toml file with a table [driver] (docs/EGOS.md).
     #[arg(long, required_unless_present = "recorded")]
     pub driver: Option<String>,
     /// A result of a planner that is driven again from its recorded answers; no planner is started.

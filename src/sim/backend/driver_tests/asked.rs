@@ -5,7 +5,7 @@ use super::*;
 use crate::backend::lines::Labelled;
 use crate::ego::network::tanh;
 use crate::ego::observation::ACTION;
-use crate::ego::{Setting, Weights};
+use crate::ego::{Actor, Setting, Weights};
 use crate::sim::{Contact, ContactClass};
 use crate::store::Store;
 
@@ -162,7 +162,7 @@ fn steps_hold_the_observation_that_is_asked_for_and_an_action_by_it_drives_as_th
     for (name, setting) in [("sac-metadrive", Setting::Metadrive1), ("sac-metadrive-2", Setting::Metadrive1)] {
         let bytes = std::fs::read(file.join(name).with_extension("safetensors")).unwrap();
         let weights = Weights::from_bytes(&bytes).unwrap();
-        let actor = weights.actor.clone();
+        let Actor::Layers(actor, _) = weights.actor.clone() else { panic!("layers") };
         let watched = Watched::new(HELLO, move |question: &Value| {
             let numbers = question["observation"].as_array().unwrap();
             let mut values: Vec<f32> = numbers.iter().map(|number| number.as_f64().unwrap() as f32).collect();

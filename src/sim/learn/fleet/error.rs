@@ -9,6 +9,10 @@ pub enum FleetError {
     Places { found: usize, most: usize },
     #[error("the share of program {set} is {found}; expected a number of at least 0")]
     Share { set: usize, found: f64 },
+    #[error(
+        "by_failure is {found}; expected 1 to {most}, which is how often a scene that fails comes up beside one that does not"
+    )]
+    ByFailure { found: f64, most: f64 },
     #[error("program {set} comes up and has no scene; give it the share 0, or a pool in which it can be planned")]
     NoTask { set: usize },
     #[error("no program has a share above 0; expected at least one")]

@@ -7,25 +7,29 @@ mod options;
 mod place;
 mod rows;
 mod sheets;
+mod state;
 mod tasks;
 
 pub use error::FleetError;
 pub use options::{Autoreset, FleetOptions, Seeing};
 pub use place::Kept;
 pub use sheets::{Reports, Sheets};
+pub use state::FleetState;
 pub use tasks::{Task, TaskSet, Tasks};
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::ego::observation::ACTION;
 use crate::kernel::Threads;
-use crate::sim::Episode;
+use crate::sim::{End, Episode};
 
 use place::Place;
 use rows::Rows;
 
 /// Most places of a fleet.
 pub const PLACES_MAX: usize = 1 << 20;
+/// Nor are scenes preferred more than this.
+pub const BY_FAILURE_MAX: f64 = 1e6;
 /// Parts that each thread gets: a part with many new episodes takes longer, and the others take what is left.
 const PARTS_A_THREAD: usize = 4;
 
@@ -46,6 +50,10 @@ impl Fleet {
     pub fn new(tasks: Arc<Tasks>, places: usize, options: FleetOptions) -> Result<Fleet, FleetError> {
         if !(1..=PLACES_MAX).contains(&places) {
             return Err(FleetError::Places { found: places, most: PLACES_MAX });
+        }
+        // NaN lies in no range.
+        if !(1.0..=BY_FAILURE_MAX).contains(&options.by_failure) {
+            return Err(FleetError::ByFailure { found: options.by_failure, most: BY_FAILURE_MAX });
         }
         let sheets = Sheets::new(places, options.seeing.length());
         let places = (0..places as u64).map(Place::new).collect();
@@ -97,9 +105,17 @@ impl Fleet {
         &self.tasks
     }
 
-    /// Sets other tasks for every episode that begins from now on.
+    /// Sets other tasks for every episode that begins from now on; the scenes' weights stay.
     pub fn set_tasks(&mut self, tasks: Arc<Tasks>) {
-        self.tasks = tasks;
+        let former = std::mem::replace(&mut self.tasks, tasks);
+        if !former.weights.is_empty() {
+            Arc::make_mut(&mut self.tasks).weights.clone_from(&former.weights);
+        }
+    }
+
+    /// When new episodes begin, from the next reset on.
+    pub fn set_autoreset(&mut self, autoreset: Autoreset) {
+        self.options.autoreset = autoreset;
     }
 
     /// Gives a place another seed: its episodes are drawn anew from the first one on.
@@ -148,6 +164,15 @@ impl Fleet {
         }
         let ended = self.each_part(threads, |rows, tasks, options| rows.step(tasks, options))?;
         self.steps += self.places.len() as u64;
+        if ended > 0 && self.options.by_failure > 1.0 {
+            // Behind the step, in the order of the places: what a place draws does not depend on who steps it.
+            let tasks = Arc::make_mut(&mut self.tasks);
+            let Reports { scene, end, .. } = &self.sheets.reports;
+            for (scene, end) in scene.iter().zip(end).filter(|(_, end)| **end >= 0) {
+                let is_failed = [End::Contact, End::OffRoad].iter().any(|failed| *failed as i8 == *end);
+                tasks.weigh(*scene as usize, is_failed, self.options.by_failure);
+            }
+        }
         Ok(ended)
     }
 

@@ -43,7 +43,8 @@ impl Seeing {
         }
     }
 
-    pub(super) fn observe(self, view: &View<'_>, out: &mut Vec<f32>) {
+    /// Puts the observation in place of what `out` holds.
+    pub fn observe(self, view: &View<'_>, out: &mut Vec<f32>) {
         match self {
             Seeing::Setting(setting) => setting.observe(view, out),
             Seeing::Arrays => arrays::observe(view, out),
@@ -57,6 +58,8 @@ pub struct FleetOptions {
     pub seeing: Seeing,
     pub reward: Reward,
     pub autoreset: Autoreset,
+    /// Weight of a scene in which every episode fails (contact, off the road) in units of that of one in which none does.
+    pub by_failure: f64,
     /// True if every contact with an adversary is tested for being avoidable, for which the episode is driven once more.
     pub assesses: bool,
     /// True if the decisions of the last episode of each place are kept.

@@ -18,6 +18,8 @@ pub(super) struct Place {
     pub ride: Option<Ride<'static>>,
     /// The task that it drives, with the index of its set.
     pub task: Option<(usize, Task)>,
+    /// Actions of the episode so far.
+    pub actions: Vec<[f32; ACTION]>,
     pub sum: f64,
     /// The last episode that ended, where that is kept.
     pub last: Option<Kept>,
@@ -31,14 +33,25 @@ pub struct Kept {
     /// Index of its program among the sets.
     pub program: usize,
     pub task: Task,
-    /// Decisions, one a step.
+    /// Actions as they were asked for, one a step.
+    pub actions: Vec<[f32; ACTION]>,
+    /// Decisions as they were carried out, one a step.
     pub controls: Vec<Control>,
     pub end: End,
 }
 
 impl Place {
     pub fn new(seed: u64) -> Place {
-        Place { seed, episodes: 0, ride: None, task: None, sum: 0.0, last: None, values: Vec::new() }
+        Place {
+            seed,
+            episodes: 0,
+            ride: None,
+            task: None,
+            actions: Vec::new(),
+            sum: 0.0,
+            last: None,
+            values: Vec::new(),
+        }
     }
 
     /// Begins the next episode: a task drawn from this place's own stream, so that neither threads nor other places matter.
@@ -54,12 +67,34 @@ impl Place {
         tasks: &Tasks,
         options: &FleetOptions,
     ) -> Result<(), SimError> {
-        let of = &tasks.sets()[program].tasks[task];
-        let (plant, intervention) = (of.plant.clone(), of.intervention.clone());
-        let ride = Ride::new(plant, intervention, options.seeing.setting(), options.keeping())?;
-        (self.ride, self.task, self.sum) = (Some(ride), Some((program, of.clone())), 0.0);
+        self.begin_task(program, tasks.sets()[program].tasks[task].clone(), options)?;
         self.episodes += 1;
         Ok(())
+    }
+
+    fn begin_task(&mut self, program: usize, task: Task, options: &FleetOptions) -> Result<(), SimError> {
+        let (plant, intervention) = (task.plant.clone(), task.intervention.clone());
+        let ride = Ride::new(plant, intervention, options.seeing.setting(), options.keeping())?;
+        (self.ride, self.task, self.sum) = (Some(ride), Some((program, task)), 0.0);
+        self.actions.clear();
+        Ok(())
+    }
+
+    /// Begins an episode as it was begun once, and repeats its actions.
+    pub fn drive_again(
+        &mut self,
+        at: usize,
+        (program, task): (usize, Task),
+        actions: &[[f32; ACTION]],
+        options: &FleetOptions,
+    ) -> Result<Option<End>, FleetError> {
+        let failed = |source| FleetError::Scene { place: at, source };
+        self.begin_task(program, task, options).map_err(failed)?;
+        let mut end = None;
+        for action in actions {
+            (_, end) = self.step(at, *action, options)?;
+        }
+        Ok(end)
     }
 
     /// Returns the numbers of scene and program; -1 before the first episode.
@@ -83,6 +118,7 @@ impl Place {
         let (worth, end) =
             ride.step(action, &options.reward).map_err(|source| FleetError::Scene { place: at, source })?;
         self.sum += worth;
+        self.actions.push(action);
         Ok((worth, end))
     }
 
@@ -102,6 +138,9 @@ impl Place {
     /// Keeps the episode that just ended.
     pub fn keep(&mut self, end: End) {
         let controls = self.ride.as_ref().map(|ride| ride.episode().controls().to_vec()).unwrap_or_default();
-        self.last = self.task.clone().map(|(program, task)| Kept { program, task, controls, end });
+        self.last = self.task.clone().map(|(program, task)| {
+            let actions = self.actions.clone();
+            Kept { program, task, actions, controls, end }
+        });
     }
 }

@@ -3,10 +3,11 @@
 use std::ops::Range;
 
 use crate::ego::observation::ACTION;
+use crate::learn::reward::Step;
 use crate::sim::{End, SimError};
 
 use super::error::FleetError;
-use super::options::{Autoreset, FleetOptions};
+use super::options::{Autoreset, FleetOptions, Seeing};
 use super::place::Place;
 use super::sheets::Sheets;
 use super::tasks::Tasks;
@@ -31,6 +32,7 @@ pub(super) struct Rows<'r> {
     route_completion: &'r mut [f32],
     length: &'r mut [i32],
     sum: &'r mut [f64],
+    steps: &'r mut [f64],
     now_scene: &'r mut [i32],
     now_program: &'r mut [i32],
 }
@@ -64,6 +66,7 @@ impl<'r> Rows<'r> {
             route_completion: &mut reports.route_completion,
             length: &mut reports.length,
             sum: &mut reports.sum,
+            steps: &mut sheets.steps,
             now_scene: &mut sheets.now_scene,
             now_program: &mut sheets.now_program,
         }
@@ -95,6 +98,7 @@ impl<'r> Rows<'r> {
                 route_completion: cut(&mut self.route_completion, n),
                 length: cut(&mut self.length, n),
                 sum: cut(&mut self.sum, n),
+                steps: cut(&mut self.steps, n * Step::NAMES.len()),
                 now_scene: cut(&mut self.now_scene, n),
                 now_program: cut(&mut self.now_program, n),
             });
@@ -110,6 +114,15 @@ impl<'r> Rows<'r> {
     fn row(&self, row: usize) -> Range<usize> {
         let width = self.observations.len() / self.places.len();
         row * width..(row + 1) * width
+    }
+
+    /// What is seen at every place now, and what goes on there.
+    pub fn show(&mut self, seeing: Seeing) {
+        for row in 0..self.places.len() {
+            let at = self.row(row);
+            (self.now_scene[row], self.now_program[row]) = self.places[row].numbers();
+            self.places[row].observe(seeing, &mut self.observations[at]);
+        }
     }
 
     /// Begins a new episode at every place that `is_meant`; `task` is given where it is not to be drawn.
@@ -205,6 +218,8 @@ impl<'r> Rows<'r> {
         self.route_completion[row] = episode.route_completion() as f32;
         self.length[row] = episode.steps() as i32;
         self.sum[row] = place.sum;
+        let step = ride.last().numbers();
+        self.steps[row * step.len()..][..step.len()].copy_from_slice(&step);
         self.end[row] = end.map_or(-1, |end| end as i8);
         let contact = match end {
             Some(End::Contact) => place.contact(options).map_err(|source| self.failed(row, source))?,

@@ -1,10 +1,13 @@
 //! The numbers that a fleet hands out, one row a place. They are allocated once and never move, so that readers from
 //! outside need no copy.
 
+use serde::{Deserialize, Serialize};
+
 use crate::ego::observation::ACTION;
+use crate::learn::reward::Step;
 
 /// Facts of the episode that a step belonged to. Codes that name nothing are -1.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Reports {
     /// Number of its scene, as its task says.
     pub scene: Vec<i32>,
@@ -41,6 +44,8 @@ pub struct Sheets {
     /// 1 if the scene's time is over, which is no end.
     pub truncated: Vec<u8>,
     pub reports: Reports,
+    /// [`Step::numbers`] of the last step.
+    pub steps: Vec<f64>,
     /// Scene and program of the episode that goes on behind the step.
     pub now_scene: Vec<i32>,
     pub now_program: Vec<i32>,
@@ -68,6 +73,7 @@ impl Sheets {
             terminated: vec![0; places],
             truncated: vec![0; places],
             reports,
+            steps: vec![0.0; places * Step::NAMES.len()],
             now_scene: vec![-1; places],
             now_program: vec![-1; places],
         }

@@ -28,8 +28,12 @@ pub struct TaskSet {
 #[derive(Clone, Debug)]
 pub struct Tasks {
     sets: Vec<TaskSet>,
-    shares: f64,
+    /// Weight of each scene by its number; those beyond have 1.
+    pub(super) weights: Vec<f64>,
 }
+
+/// Share of the newest episode in a scene's weight.
+const NEWEST: f64 = 0.2;
 
 impl Tasks {
     /// Refuses shares by which nothing can be drawn, sets that come up and hold nothing, and scenes without a step.
@@ -45,8 +49,11 @@ impl Tasks {
                 return Err(FleetError::NoStep { scene: task.plant.scene_id().to_string() });
             }
         }
-        let shares = sets.iter().fold(0.0, |sum, of| sum + of.share);
-        if shares > 0.0 { Ok(Tasks { sets, shares }) } else { Err(FleetError::NoShare) }
+        if sets.iter().any(|of| of.share > 0.0) {
+            Ok(Tasks { sets, weights: Vec::new() })
+        } else {
+            Err(FleetError::NoShare)
+        }
     }
 
     /// Returns the sets in the order in which they were given.
@@ -54,17 +61,41 @@ impl Tasks {
         &self.sets
     }
 
-    /// Draws a set by the shares, and one of its tasks evenly: the set's index and the task's index in it.
-    pub fn draw(&self, stream: &mut Stream) -> (usize, usize) {
-        let mut left = stream.unit() * self.shares;
-        let mut drawn = 0;
-        for (set, of) in self.sets.iter().enumerate().filter(|(_, of)| of.share > 0.0) {
-            drawn = set;
-            if left < of.share {
-                break;
-            }
-            left -= of.share;
-        }
-        (drawn, stream.below(self.sets[drawn].tasks.len()))
+    /// Returns the weight of each scene by its number; those beyond have 1.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
     }
+
+    /// Moves the weight of a scene whose episode is over towards `most` if it failed, else towards 1.
+    pub(super) fn weigh(&mut self, scene: usize, is_failed: bool, most: f64) {
+        let len = self.weights.len().max(scene + 1);
+        self.weights.resize(len, 1.0);
+        let of = &mut self.weights[scene];
+        *of += NEWEST * (if is_failed { most } else { 1.0 } - *of);
+    }
+
+    /// Draws a set by the shares, and one of its tasks by the scenes' weights: the set's index and the task's index in it.
+    pub fn draw(&self, stream: &mut Stream) -> (usize, usize) {
+        let set = weighted(stream, self.sets.iter().map(|of| of.share));
+        let tasks = &self.sets[set].tasks;
+        if self.weights.is_empty() {
+            return (set, stream.below(tasks.len()));
+        }
+        let weight = |task: &Task| self.weights.get(task.scene).copied().unwrap_or(1.0);
+        (set, weighted(stream, tasks.iter().map(weight)))
+    }
+}
+
+/// Draws a place by weights that are not all 0.
+fn weighted(stream: &mut Stream, weights: impl Iterator<Item = f64> + Clone) -> usize {
+    let mut left = stream.unit() * weights.clone().fold(0.0, |sum, of| sum + of);
+    let mut drawn = 0;
+    for (place, weight) in weights.enumerate().filter(|(_, weight)| *weight > 0.0) {
+        drawn = place;
+        if left < weight {
+            break;
+        }
+        left -= weight;
+    }
+    drawn
 }

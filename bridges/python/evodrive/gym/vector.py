@@ -144,7 +144,11 @@ class VecEnv(Driven, VectorEnv[Any, Any, NDArray[Any]]):
             over = engine.terminated | engine.truncated
             final = {name: array.copy() for name, array in engine.reports.items()} | {"episode_return": returns.copy()}
             info["final_info"] = {**final, **{f"_{name}": over.copy() for name in final}}
-            info["final_obs"], info["_final_obs"], info["_final_info"] = self._given(engine.final), over.copy(), over
+            seen = self._given(engine.final)
+            if self.copy:  # rows of episodes that go on still hold what ended before
+                for of in seen.values() if isinstance(seen, dict) else [seen]:
+                    of[~over] = 0
+            info["final_obs"], info["_final_obs"], info["_final_info"] = seen, over.copy(), over
         if costs is not None:
             info["cost"], info["_cost"] = costs, np.ones(self.num_envs, dtype=bool)
         self._steps += self.num_envs

@@ -125,7 +125,7 @@ impl Redraw<'_> {
             let Some(group) = self.evolution[key.0].group() else { continue };
             match draws.get(key) {
                 Some(Ok((label, run))) => {
-                    runs.push(StagedRun { scene: label.scene.clone(), group, run: *run, acted: label.acted });
+                    runs.push(StagedRun { scene: label.scene.clone(), group, run: *run });
                     labelled.push((group, (label.clone(), *run)));
                 }
                 Some(Err(failure)) => failed.push((group, failure.clone())),

@@ -90,7 +90,7 @@ fn staged_run(
     let Some(group) = groups.get(scene.scene.as_str()) else { return Ok(None) };
     let Some((record, _)) = tools.rollouts.recorded(&scene.request)? else { return Ok(None) };
     let run = recorded_run(&record, options);
-    Ok(run.map(|run| StagedRun { scene: scene.scene.clone(), group: *group, run, acted: scene.acted }))
+    Ok(run.map(|run| StagedRun { scene: scene.scene.clone(), group: *group, run }))
 }
 
 /// Groups of some of a study's scenes by the scenes' ids.

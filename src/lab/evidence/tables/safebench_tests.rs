@@ -220,7 +220,7 @@ fn null_search(seed: u64, programs: usize, redrawn: usize) -> RecordedRun {
         let staged = four.map(|group| {
             let mut run = drive(stream.chance(0.07));
             run.realism.sub_scores[0] = stream.unit();
-            StagedRun { scene: group.0.name().into(), group, run, acted: true }
+            StagedRun { scene: group.0.name().into(), group, run }
         });
         staged.collect()
     };

@@ -17,8 +17,13 @@ pub struct StagedRun {
     pub group: Group,
     /// Labels of the run.
     pub run: SafebenchRun,
-    /// True if the program acts in the scene; where it does not, the run belongs to no program.
-    pub acted: bool,
+}
+
+impl StagedRun {
+    /// Returns `true` if the run counts for its program: if that acts in the scene, or all runs are judged.
+    fn counts(&self) -> bool {
+        self.run.realism.is_judged()
+    }
 }
 
 /// Every labelled scene of a lineage, in the order in which it was added.
@@ -48,12 +53,12 @@ impl SceneArchive {
         self.0.extend(runs.into_iter().map(|staged| Archived { round, solution: solution.clone(), staged }));
     }
 
-    /// Returns the scenes up to a round that balanced selection keeps; `None` where there are none. Only scenes in which their
-    /// program acts can be kept, of programs that act about as often as the parent. A group without any keeps the parent's
+    /// Returns the scenes up to a round that balanced selection keeps; `None` where there are none. Only runs that count for
+    /// their program can be kept, of programs that act about as often as the parent. A group without any keeps the parent's
     /// scenes, so that it does not vanish from the result.
     pub fn after(&self, round: u32, selecting: &Selecting, lineage: &LineageId) -> Option<ArchiveRound> {
         let covering = self.covering(selecting.coverage_floor);
-        let eligible = |scene: &Archived| scene.staged.acted && covering.contains(&scene.solution);
+        let eligible = |scene: &Archived| scene.staged.counts() && covering.contains(&scene.solution);
         let acted_in: BTreeSet<Group> =
             self.0.iter().filter(|s| s.round <= round && eligible(s)).map(|s| s.staged.group).collect();
         let stands_in = |scene: &Archived| scene.round == 0 && !acted_in.contains(&scene.staged.group);
@@ -79,29 +84,29 @@ impl SceneArchive {
         Some(ArchiveRound { lineage, round, benchmark, selected: kept.iter().map(scene).collect() })
     }
 
-    /// Returns programs that act in a share of their scenes that is at least `floor` times the parent's, and in one scene at least.
+    /// Returns programs of whose scenes a share counts that is at least `floor` times the parent's, and one scene at least.
     fn covering(&self, floor: f64) -> BTreeSet<&SolutionId> {
         let mut counts: BTreeMap<&SolutionId, (usize, usize)> = BTreeMap::new();
         for scene in &self.0 {
-            let (acted, all) = counts.entry(&scene.solution).or_default();
-            *acted += usize::from(scene.staged.acted);
+            let (counting, all) = counts.entry(&scene.solution).or_default();
+            *counting += usize::from(scene.staged.counts());
             *all += 1;
         }
-        let share = |(acted, all): (usize, usize)| acted as f64 / all.max(1) as f64;
+        let share = |(counting, all): (usize, usize)| counting as f64 / all.max(1) as f64;
         let parent = self.0.iter().find(|scene| scene.round == 0).and_then(|scene| counts.get(&scene.solution));
         let least = floor * parent.copied().map_or(0.0, share);
         counts.into_iter().filter(|(_, count)| count.0 > 0 && share(*count) >= least).map(|(name, _)| name).collect()
     }
 }
 
-/// A program's point in every group that it acts in: its score over the group's runs. `failed` holds the group of every
+/// A program's point in every group in which a run counts: its score over the group's runs. `failed` holds the group of every
 /// scene that could not be run.
 pub fn group_points(runs: &[StagedRun], failed: &[Group]) -> BTreeMap<Group, Objectives> {
     let mut by_group = Runs::default();
     runs.iter().for_each(|staged| by_group.add(staged.group, staged.run));
     failed.iter().for_each(|group| by_group.add_failure(*group));
-    let acted: BTreeSet<Group> = runs.iter().filter(|staged| staged.acted).map(|staged| staged.group).collect();
-    let points = by_group.groups().into_iter().filter(|(group, _)| acted.contains(group));
+    let counting: BTreeSet<Group> = runs.iter().filter(|staged| staged.counts()).map(|staged| staged.group).collect();
+    let points = by_group.groups().into_iter().filter(|(group, _)| counting.contains(group));
     points.map(|(group, score)| (group, score.point())).collect()
 }
 
@@ -114,17 +119,30 @@ pub fn group_name((family, route): Group) -> String {
 mod tests {
     use super::super::safebench::samples::run;
     use super::*;
+    use crate::objects::benchmark::RunRealism;
     use crate::scene::safebench::TrafficFamily::{LaneChanging, RightTurn};
 
     const SELECTING: Selecting = Selecting { per_group: 2, coverage_floor: 0.5 };
 
     fn staged(group: Group, collision: bool, acted: bool) -> StagedRun {
-        StagedRun {
-            scene: format!("{}/{}", group_name(group), u8::from(collision)),
-            group,
-            run: run(collision, true),
-            acted,
+        let scene = format!("{}/{}", group_name(group), u8::from(collision));
+        let mut run = run(collision, true);
+        if !acted {
+            run.realism = RunRealism { acted: false, valid: false, sub_scores: [0.0; 4] };
         }
+        StagedRun { scene, group, run }
+    }
+
+    #[test]
+    fn an_idle_program_spans_area_and_is_selected_where_all_runs_are_judged() {
+        let mut idle = staged((RightTurn, 4), false, false);
+        assert!(group_points(std::slice::from_ref(&idle), &[]).is_empty());
+        idle.run.realism = RunRealism { acted: false, valid: true, sub_scores: [1.0; 4] };
+        assert!(group_points(std::slice::from_ref(&idle), &[])[&(RightTurn, 4)].realism > 0.99);
+        let mut archive = SceneArchive::default();
+        archive.add(0, &SolutionId::new("parent"), vec![staged((RightTurn, 4), false, false)]);
+        archive.add(1, &SolutionId::new("idle"), vec![idle]);
+        assert_eq!(solutions(&archive, 1), ["idle"]);
     }
 
     fn solutions(archive: &SceneArchive, round: u32) -> Vec<String> {

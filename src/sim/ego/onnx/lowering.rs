@@ -1,9 +1,9 @@
 //! From a node to steps of a graph. Shapes are settled here, and what only moves numbers gives the places that they come from.
 
 use super::wire::{Attribute, COUNT_MAX, Node, Tensor, refused};
-use crate::ego::WeightsError;
 use crate::ego::graph::{Cell, Function, Operator, Step};
 use crate::ego::network::Dense;
+use crate::ego::weights_error::WeightsError;
 use crate::kernel::linear::transposed;
 
 /// Numbers that a file may come to: weights, and all that is made of them and of an observation.
@@ -308,15 +308,16 @@ impl Lowering {
             }
             "Reshape" | "Expand" | "ConstantOfShape" => {
                 let of = if node.operator == "ConstantOfShape" { x } else { second()? };
-                let told = of.wholes().filter(|_| node.whole("allowzero", 0) == Ok(0));
-                let told = told.ok_or_else(|| node.refused("a shape", "whole numbers of the file"))?;
-                let mut shape: Vec<usize> = told.iter().map(|length| usize::try_from(*length).unwrap_or(0)).collect();
+                let lengths = of.wholes().filter(|_| node.whole("allowzero", 0) == Ok(0));
+                let lengths = lengths.ok_or_else(|| node.refused("a shape", "whole numbers of the file"))?;
+                let mut shape: Vec<usize> =
+                    lengths.iter().map(|length| usize::try_from(*length).unwrap_or(0)).collect();
                 match node.operator {
                     "Reshape" => {
-                        for (i, _) in told.iter().enumerate().filter(|(_, length)| **length == 0) {
+                        for (i, _) in lengths.iter().enumerate().filter(|(_, length)| **length == 0) {
                             shape[i] = x.shape.get(i).copied().unwrap_or(0);
                         }
-                        if let Some(open) = told.iter().position(|length| *length == -1) {
+                        if let Some(open) = lengths.iter().position(|length| *length == -1) {
                             shape[open] = 1;
                             let others = shape.iter().try_fold(1usize, |count, length| count.checked_mul(*length));
                             shape[open] = others.and_then(|others| x.cells.len().checked_div(others)).unwrap_or(0);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::ego::WeightsError;
+use crate::ego::weights_error::WeightsError;
 
 /// Nodes, tensors and numbers of a list that a file may have.
 pub const COUNT_MAX: usize = 4096;
@@ -137,14 +137,14 @@ impl<'a> Iterator for Fields<'a> {
 /// The message at the end of these fields.
 fn within<'a>(mut message: &'a [u8], path: &[u64]) -> Result<&'a [u8], WeightsError> {
     for number in path {
-        let mut found: &[u8] = &[];
+        let mut part: &[u8] = &[];
         for field in Fields(message) {
             match field? {
-                (of, held) if of == *number => found = held.bytes()?,
+                (of, held) if of == *number => part = held.bytes()?,
                 _ => {}
             }
         }
-        message = found;
+        message = part;
     }
     Ok(message)
 }

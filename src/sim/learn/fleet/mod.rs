@@ -21,10 +21,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::ego::observation::ACTION;
 use crate::kernel::Threads;
-use crate::sim::{End, Episode};
+use crate::sim::{End, Episode, Plant};
 
 use place::Place;
 use rows::Rows;
+use state::PlaceState;
 
 /// Most places of a fleet.
 pub const PLACES_MAX: usize = 1 << 20;
@@ -58,6 +59,40 @@ impl Fleet {
         let sheets = Sheets::new(places, options.seeing.length());
         let places = (0..places as u64).map(Place::new).collect();
         Ok(Fleet { tasks, options, places, sheets, sheet: 0, is_begun: false, steps: 0 })
+    }
+
+    /// Returns the state from which [`Fleet::resumed`] goes on.
+    pub fn state(&self) -> FleetState {
+        FleetState {
+            places: self.places.iter().map(PlaceState::of).collect(),
+            reports: self.sheets.reports.clone(),
+            weights: self.tasks.weights.clone(),
+            is_begun: self.is_begun,
+            steps: self.steps,
+        }
+    }
+
+    /// A fleet that goes on as another one would. `plants` are those of the scenes, by their numbers.
+    ///
+    /// # Errors
+    /// Those of [`Fleet::new`]; a state of another fleet.
+    pub fn resumed(
+        tasks: Arc<Tasks>,
+        options: FleetOptions,
+        state: FleetState,
+        plants: &[Arc<Plant>],
+        threads: &Threads,
+    ) -> Result<Fleet, FleetError> {
+        let mut fleet = Fleet::new(tasks, state.places.len(), options)?;
+        let again = |at: usize, of: &PlaceState| of.resumed(at, plants, &options);
+        fleet.places = threads.map(&state.places, again).into_iter().collect::<Result<_, FleetError>>()?;
+        (fleet.sheets.reports, fleet.is_begun, fleet.steps) = (state.reports, state.is_begun, state.steps);
+        if !state.weights.is_empty() {
+            Arc::make_mut(&mut fleet.tasks).weights = state.weights;
+        }
+        let sheet = fleet.sheet;
+        Rows::all(&mut fleet.places, &mut fleet.sheets, sheet).show(options.seeing);
+        Ok(fleet)
     }
 
     /// Returns the number of places.

@@ -8,8 +8,8 @@
 //! - its box reaches into the ego's envelope: the strip ahead of the ego as long as the safe distance of
 //!   responsibility-sensitive safety (Shalev-Shwartz, Shammah and Shashua 2017, definition 1, without speeding up and with
 //!   equal brakes), `v ρ + (v² - u²) / 2b` with `u` the other's speed in the ego's direction, at least 0; or
-//! - with [`Forecast::Lanes`], the boxes overlap within the horizon, the ego predicted along its route and the other along some way that its
-//! lanes allow, at the speed or the acceleration that each has: a slow turn across is seen before it points at the ego.
+//! - with [`Forecast::Lanes`], the boxes overlap within the horizon, the ego predicted along its route and the other along some way that
+//!   its lanes allow, at the speed or the acceleration that each has: a slow turn across is seen before it points at the ego.
 
 use crate::kernel::{OrientedBox, Vec2, num};
 use crate::scene::{AgentKind, DT_S};

@@ -68,15 +68,13 @@ fn played(asked: Asked) -> Result<Answer, String> {
     let simulator = SimulatorOptions { plant, ..SimulatorOptions::SHIPPED };
     simulator.check().map_err(|error| error.to_string())?;
     let policy: Policy = ego.parse().map_err(|error: crate::ego::policy::PolicyError| error.to_string())?;
-    // The sender may be another program than ours, and the cost of a scene is bounded by what a sound one may hold.
-    if let Some(violation) = scene.validate().first() {
-        return Err(format!("the scene breaks a rule of a sound scene: {violation}; correct it where it comes from"));
-    }
+    sound(&scene)?;
     if first_step >= scene.steps {
         return Err(format!("first_step is {first_step}, the scene has {} steps", scene.steps));
     }
     let carried_out = |of| action(of, &mut scene, first_step);
     let actions = adversaries.into_iter().map(carried_out).collect::<Result<_, String>>()?;
+    sound(&scene)?;
     let scene = PreparedScene::new(Arc::new(scene));
     let plant = Plant::with_options(scene, &simulator).map_err(|error| error.to_string())?;
     if (plant.first_step(), plant.steps()) != (first_step, steps) {
@@ -85,6 +83,14 @@ fn played(asked: Asked) -> Result<Answer, String> {
     let rollout =
         tell(&plant, &Intervention { actions }, policy.driver().as_mut()).map_err(|error| error.to_string())?;
     Ok(Answer::ReportedRollout(rollout))
+}
+
+/// Refuses a scene that breaks a rule: the sender may be another program than ours, and what a scene costs is bounded by what a sound one
+/// may hold. It is asked again when commands are in its recordings.
+fn sound(scene: &Scene) -> Result<(), String> {
+    let broken =
+        |violation| format!("the scene breaks a rule of a sound scene: {violation}; correct it where it comes from");
+    scene.validate().first().map_or(Ok(()), |violation| Err(broken(violation)))
 }
 
 /// Returns the action that carries a command out. A recorded road user may be away for a while: its commands before it comes back then
@@ -98,11 +104,12 @@ fn action(commanded: Commanded, scene: &mut Scene, first_step: usize) -> Result<
     let from_step = first_step + from;
     match who {
         ActorRef::Track(track) => {
-            let tracks = scene.tracks.len();
+            let (tracks, steps) = (scene.tracks.len(), scene.steps);
             let recorded = scene.tracks.get_mut(track).ok_or_else(|| format!("track {track} of {tracks}"))?;
             if away_between {
                 recorded.samples.truncate(first_step);
                 recorded.samples.extend_from_slice(&samples);
+                recorded.samples.resize(steps.max(recorded.samples.len()), None);
             }
             Ok(Action::Follow { track, from_step, samples: driven })
         }

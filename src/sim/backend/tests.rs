@@ -180,6 +180,17 @@ fn a_scene_that_breaks_a_rule_is_served_to_nobody() {
     assert!(reason.contains("breaks a rule of a sound scene") && reason.contains("length"), "{said}");
 }
 
+#[test]
+fn a_command_beyond_the_map_is_carried_out_for_nobody() {
+    let said = served(|line| {
+        let samples = &mut line["adversaries"][0]["samples"];
+        samples[2] = serde_json::Value::Null;
+        samples[3]["position"][0] = 1e300.into();
+    });
+    let reason = said["failure"].as_str().unwrap_or_default();
+    assert!(reason.contains("breaks a rule of a sound scene") && reason.contains("100 km"), "{said}");
+}
+
 /// Returns the error message when a worker answers so.
 fn refused(answer: impl Fn(&str, usize) -> Vec<Said> + Clone + Send + Sync + 'static) -> String {
     match rollout(&own("physical", 1), &Fake(answer, Mutex::new(0)), &crossing(3, 8, 91)) {

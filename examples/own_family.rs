@@ -26,12 +26,11 @@ const SMOOTH_CONTACT: &str = "collision_likelihood - jerk_weight * jerk_mps3_max
 
 /// Contract and parent.
 fn family() -> Result<Family, Box<dyn Error>> {
-    let jerk_weight =
-        own(grammar::parameter("jerk_weight", grammar::number(0.0, 2.0, "1"), "price of 10 m/s^3 of jerk"), 0.5);
+    let jerk_weight = own("jerk_weight", grammar::number(0.0, 2.0, "1"), "price of 10 m/s^3 of jerk", 0.5);
     let candidates = prior::parameters("");
     let mut search = vec![
-        own(grammar::parameter("contact_discount", grammar::number(0.5, 1.0, "1"), "discount per 0.5 s"), 0.99),
-        own(grammar::parameter("ego_shift_s", grammar::number(0.0, 1.5, "s"), "the ego earlier and later"), 0.0),
+        own("contact_discount", grammar::number(0.5, 1.0, "1"), "discount per 0.5 s", 0.99),
+        own("ego_shift_s", grammar::number(0.0, 1.5, "s"), "the ego earlier and later", 0.0),
     ];
     let graph = graph(&candidates, &search);
     search.push(jerk_weight);

@@ -5,7 +5,7 @@
 //! follows the points at 3 m/s. The search and the smoothing are those of AdvSim's stand-in here: the port ships
 //! optimised sequences, we search; `published` starts from theirs.
 
-use super::grammar::{integer, number, parameter};
+use super::grammar::{integer, number};
 use super::interface::own;
 use super::profile_search::{self, Profiled, Setting};
 use super::published::Port;
@@ -53,10 +53,10 @@ pub fn family() -> Family {
     let smoothing = "neighbouring numbers that are averaged; 1: none";
     let shift = "added to the port's trigger distance";
     let motion = vec![
-        own(parameter("lateral_share", number(0.05, 1.0, "1"), share), 1.0),
-        own(parameter("lateral_pace", number(0.3, 2.0, "1"), "target speed over the port's; 1 as ported"), 1.0),
-        own(parameter("lateral_smoothing", integer(1, 20, "1"), smoothing), 1.0),
-        own(parameter("lateral_trigger_shift_m", number(-15.0, 15.0, "m"), shift), 0.0),
+        own("lateral_share", number(0.05, 1.0, "1"), share, 1.0),
+        own("lateral_pace", number(0.3, 2.0, "1"), "target speed over the port's; 1 as ported", 1.0),
+        own("lateral_smoothing", integer(1, 20, "1"), smoothing, 1.0),
+        own("lateral_trigger_shift_m", number(-15.0, 15.0, "m"), shift, 0.0),
     ];
     profile_search::family(Profiled {
         name: NAME,

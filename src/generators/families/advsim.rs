@@ -5,7 +5,7 @@
 //! numpy's generator, ours comes from a named stream. Choices of ours: the (1+1) evolution strategy that changes stretches of
 //! the profile, a small budget, and the moving mean over neighbouring numbers (`speed_smoothing`, 1 in the port: none).
 
-use super::grammar::{integer, number, parameter};
+use super::grammar::{integer, number};
 use super::interface::own;
 use super::profile_search::{self, Profiled, Setting};
 use super::published::Port;
@@ -48,12 +48,9 @@ pub fn source() -> Source {
 /// Contract and parent.
 pub fn family() -> Family {
     let motion = vec![
-        own(
-            parameter("speed_ceiling", number(0.5, 3.0, "1"), "largest speed over the standard speed; 2 as ported"),
-            2.0,
-        ),
-        own(parameter("speed_smoothing", integer(1, 20, "1"), "neighbouring numbers that are averaged; 1: none"), 1.0),
-        own(parameter("speed_trigger_shift_m", number(-15.0, 15.0, "m"), "added to the port's trigger distance"), 0.0),
+        own("speed_ceiling", number(0.5, 3.0, "1"), "largest speed over the standard speed; 2 as ported", 2.0),
+        own("speed_smoothing", integer(1, 20, "1"), "neighbouring numbers that are averaged; 1: none", 1.0),
+        own("speed_trigger_shift_m", number(-15.0, 15.0, "m"), "added to the port's trigger distance", 0.0),
     ];
     profile_search::family(Profiled {
         name: NAME,

@@ -5,7 +5,7 @@
 //! that is driven: offsets at knots of 0.5 s on the logged future, the first knot 0, loss toward the ego's rollout.
 //! This adaptation is ours, declared; the source describes none. Bounds are the method's nuScenes maxima in SI.
 
-use super::grammar::{self, choice, integer, number, optional, parameter, required, slot};
+use super::grammar::{self, choice, integer, number, optional, required, slot};
 use super::interface::{self, FamilySpec, OwnParameter, own};
 use crate::adapters::{Family, OperatorSpec};
 use crate::kernel::{Vec2, num};
@@ -76,38 +76,25 @@ pub fn family() -> Family {
 
 fn motion_parameters() -> Vec<OwnParameter> {
     vec![
-        own(parameter("offset_m_max", number(0.05, 1.0, "m"), "largest offset at any time; 1 in AT"), 1.0),
-        own(
-            parameter("knot_spacing_s", number(0.3, 4.0, "s"), "time between knots; 2 s give the four points of AT"),
-            2.0,
-        ),
-        own(parameter("path_speed_mps_max", number(5.0, 40.0, "m/s"), "speed bound of the perturbed path"), 17.2),
-        own(parameter("path_acceleration_mps2_max", number(0.5, 9.0, "m/s^2"), "longitudinal acceleration bound"), 5.1),
-        own(parameter("path_lateral_mps2_max", number(0.3, 6.0, "m/s^2"), "lateral acceleration bound"), 1.87),
-        own(parameter("path_jerk_mps3_max", number(1.0, 30.0, "m/s^3"), "longitudinal jerk bound"), 15.7),
-        own(parameter("path_lateral_jerk_mps3_max", number(0.5, 20.0, "m/s^3"), "lateral jerk bound"), 4.3),
+        own("offset_m_max", number(0.05, 1.0, "m"), "largest offset at any time; 1 in AT", 1.0),
+        own("knot_spacing_s", number(0.3, 4.0, "s"), "time between knots; 2 s give the four points of AT", 2.0),
+        own("path_speed_mps_max", number(5.0, 40.0, "m/s"), "speed bound of the perturbed path", 17.2),
+        own("path_acceleration_mps2_max", number(0.5, 9.0, "m/s^2"), "longitudinal acceleration bound", 5.1),
+        own("path_lateral_mps2_max", number(0.3, 6.0, "m/s^2"), "lateral acceleration bound", 1.87),
+        own("path_jerk_mps3_max", number(1.0, 30.0, "m/s^3"), "longitudinal jerk bound", 15.7),
+        own("path_lateral_jerk_mps3_max", number(0.5, 20.0, "m/s^3"), "lateral jerk bound", 4.3),
     ]
 }
 
 fn search_parameters() -> Vec<OwnParameter> {
     vec![
-        own(parameter("particle_count", integer(4, 20, "1"), "particles of the swarm; 10 in AT"), 10.0),
-        own(parameter("iteration_count", integer(10, 150, "1"), "iterations of the swarm; 100 in AT"), 100.0),
-        own(parameter("cognitive_pull", number(0.0, 2.5, "1"), "c1; 0.5 in AT"), 0.5),
-        own(parameter("social_pull", number(0.0, 2.5, "1"), "c2; 0.3 in AT"), 0.3),
-        own(parameter("inertia", number(0.1, 1.0, "1"), "w; 1 in AT"), 1.0),
-        own(
-            parameter("toward_weight", number(0.0, 5.0, "1"), "weight of the mean offset toward the ego's rollout"),
-            1.0,
-        ),
-        own(
-            parameter(
-                "distance_weight",
-                number(0.0, 5.0, "1/m"),
-                "weight of the smallest distance to the ego's rollout",
-            ),
-            1.0,
-        ),
+        own("particle_count", integer(4, 20, "1"), "particles of the swarm; 10 in AT", 10.0),
+        own("iteration_count", integer(10, 150, "1"), "iterations of the swarm; 100 in AT", 100.0),
+        own("cognitive_pull", number(0.0, 2.5, "1"), "c1; 0.5 in AT", 0.5),
+        own("social_pull", number(0.0, 2.5, "1"), "c2; 0.3 in AT", 0.3),
+        own("inertia", number(0.1, 1.0, "1"), "w; 1 in AT", 1.0),
+        own("toward_weight", number(0.0, 5.0, "1"), "weight of the mean offset toward the ego's rollout", 1.0),
+        own("distance_weight", number(0.0, 5.0, "1/m"), "weight of the smallest distance to the ego's rollout", 1.0),
     ]
 }
 
@@ -275,18 +262,30 @@ pub fn descend(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Re
 /// How both searches judge a perturbed path.
 struct Judge<'a> {
     /// Weights of the offset toward the ego, and of the distance to it.
-    weights: (f64, f64),
+    weights: Weights,
     /// A loss of the family's own, and whether it replaces AT's.
     module: Option<&'a Module>,
     replaces: bool,
     adversaries: Vec<usize>,
 }
 
+/// Weights of AT's loss.
+#[derive(Clone, Copy)]
+struct Weights {
+    /// a, of the mean offset toward the ego.
+    toward: f64,
+    /// b, of the smallest distance to it, 1/m.
+    distance: f64,
+}
+
 impl<'a> Judge<'a> {
     fn new(settings: &'a Settings, parts: &[Part]) -> Result<Judge<'a>, StageError> {
         let module = settings.optional("loss");
         Ok(Judge {
-            weights: (settings.number("toward_weight")?, settings.number("distance_weight")?),
+            weights: Weights {
+                toward: settings.number("toward_weight")?,
+                distance: settings.number("distance_weight")?,
+            },
             replaces: settings.word("combine")? == "replace" && module.is_some(),
             module,
             adversaries: parts.iter().map(|part| part.actor).collect(),
@@ -332,27 +331,20 @@ impl Target {
     }
 
     /// −a · mean offset toward the ego + b · smallest centre distance to it.
-    fn loss(&self, offsets: &[Vec2], theta: f64, (toward_weight, distance_weight): (f64, f64)) -> f64 {
+    fn loss(&self, offsets: &[Vec2], theta: f64, weights: Weights) -> f64 {
         let change = |k: usize| offsets.get(k * CHECK_STEPS).copied().unwrap_or_default() * theta;
         let along = num::sum((0..self.checks.len()).map(|k| change(k).dot(self.toward[k])));
         let distance = |k: usize| Some((self.checks[k].0 + change(k)).distance(self.checks[k].1?));
         let nearest = (0..self.checks.len()).filter_map(distance).fold(200.0, f64::min);
-        distance_weight * nearest - toward_weight * along / self.checks.len().max(1) as f64
+        weights.distance * nearest - weights.toward * along / self.checks.len().max(1) as f64
     }
 
     /// Adds the slope of [`Target::loss`] at the coordinates, for a given θ.
-    fn pull(
-        &self,
-        space: &OffsetSpace,
-        offsets: &[Vec2],
-        theta: f64,
-        (toward_weight, distance_weight): (f64, f64),
-        slope: &mut [f64],
-    ) {
+    fn pull(&self, space: &OffsetSpace, offsets: &[Vec2], theta: f64, weights: Weights, slope: &mut [f64]) {
         let count = self.checks.len().max(1) as f64;
         let mut nearest: Option<(f64, usize, Vec2)> = None;
         for (k, (own, ego)) in self.checks.iter().enumerate() {
-            space.pull(k * CHECK_STEPS, self.toward[k] * (-toward_weight * theta / count), slope);
+            space.pull(k * CHECK_STEPS, self.toward[k] * (-weights.toward * theta / count), slope);
             let Some(ego) = ego else { continue };
             let away = *own + offsets.get(k * CHECK_STEPS).copied().unwrap_or_default() * theta - *ego;
             let distance = away.norm();
@@ -361,7 +353,7 @@ impl Target {
             }
         }
         if let Some((_, k, unit)) = nearest {
-            space.pull(k * CHECK_STEPS, unit * (distance_weight * theta), slope);
+            space.pull(k * CHECK_STEPS, unit * (weights.distance * theta), slope);
         }
     }
 }
@@ -373,6 +365,8 @@ mod tests {
     use crate::motion::Window;
     use crate::scene::fixture::two_lane_scene;
     use crate::stage::Situation;
+
+    const WEIGHTS: Weights = Weights { toward: 1.0, distance: 2.0 };
 
     fn opened(situation: &Situation, interpolation: Interpolation) -> Part {
         let bounds = Bounds {
@@ -401,13 +395,13 @@ mod tests {
             let mut offsets = Vec::new();
             let theta = space.offsets(&place, &mut offsets);
             let mut slope = vec![0.0; place.len()];
-            target.pull(space, &offsets, theta, (1.0, 2.0), &mut slope);
+            target.pull(space, &offsets, theta, WEIGHTS, &mut slope);
             for k in 0..place.len() {
                 let mut at = |step: f64| {
                     let mut moved = place.clone();
                     moved[k] += step;
                     space.offsets(&moved, &mut offsets);
-                    target.loss(&offsets, theta, (1.0, 2.0))
+                    target.loss(&offsets, theta, WEIGHTS)
                 };
                 let difference = (at(1e-6) - at(-1e-6)) / 2e-6;
                 assert!((difference - slope[k]).abs() < 1e-6, "{interpolation:?} {k}: {difference} {}", slope[k]);
@@ -433,7 +427,7 @@ mod tests {
         descend(&stage, &settings, &mut parts).unwrap();
         let log = &situation.scene.tracks[0];
         let target = Target::new(&stage, &parts[0], parts[0].offsets.as_ref().unwrap());
-        let untouched = target.loss(&[], 0.0, (1.0, 1.0));
+        let untouched = target.loss(&[], 0.0, Weights { toward: 1.0, distance: 1.0 });
         assert_eq!(parts[0].candidates.len(), 4);
         assert!(-parts[0].candidates[0].score < untouched - 1e-3);
         for candidate in &parts[0].candidates {

@@ -5,7 +5,7 @@
 //! If no vehicle is marked as interacting, CAT's code attacks nobody in particular; here the moving vehicle whose
 //! log comes nearest to the ego's rollout stands in, a declared choice.
 
-use super::grammar::{self, choice, number, optional, parameter, required, slot};
+use super::grammar::{self, choice, number, optional, required, slot};
 use super::interface::{self, FamilySpec, OwnParameter, own};
 use super::prior;
 use crate::adapters::{Family, OperatorSpec};
@@ -61,22 +61,8 @@ pub fn family() -> Family {
 
 fn search_parameters() -> Vec<OwnParameter> {
     vec![
-        own(
-            parameter(
-                "contact_discount",
-                number(0.5, 1.0, "1"),
-                "u, discount of a contact per 0.5 s check; 0.99 in CAT",
-            ),
-            0.99,
-        ),
-        own(
-            parameter(
-                "ego_shift_s",
-                number(0.0, 1.5, "s"),
-                "the ego's rollout is also tried this much earlier and later",
-            ),
-            0.0,
-        ),
+        own("contact_discount", number(0.5, 1.0, "1"), "u, discount of a contact per 0.5 s check; 0.99 in CAT", 0.99),
+        own("ego_shift_s", number(0.0, 1.5, "s"), "the ego's rollout is also tried this much earlier and later", 0.0),
     ]
 }
 

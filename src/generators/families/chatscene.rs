@@ -12,7 +12,7 @@
 
 use std::sync::Arc;
 
-use super::grammar::{self, choice, integer, number, optional, parameter, required};
+use super::grammar::{self, choice, integer, number, optional, required};
 use super::interface::{self, FamilySpec, OwnParameter, own};
 use super::staged;
 use crate::adapters::Family;
@@ -189,11 +189,8 @@ fn optimised(family: &Family) -> Program {
 pub fn family() -> Family {
     let ranges = range_parameters();
     let sampling = [
-        own(
-            parameter("template_samples", integer(SAMPLES_MIN, 50, "1"), "scenarios drawn a scene; 50 in ChatScene"),
-            12.0,
-        ),
-        own(parameter("shrink_every", integer(2, 25, "1"), "samples between two steps of the ranges; 10 there"), 4.0),
+        own("template_samples", integer(SAMPLES_MIN, 50, "1"), "scenarios drawn a scene; 50 in ChatScene", 12.0),
+        own("shrink_every", integer(2, 25, "1"), "samples between two steps of the ranges; 10 there", 4.0),
     ];
     let behaviours = KINDS.iter().map(|kind| interface::word(kind.setting, kind.behaviours[0].word()));
     let mut graph = staged::graph_start();
@@ -282,7 +279,7 @@ fn range_parameters() -> Vec<OwnParameter> {
             for (end, value) in [("low", ranges[i].0), ("high", ranges[i].1)] {
                 let describes = format!("{end} end of the range of {drawn} in {kind} scenarios");
                 let name = range_name(kind, drawn, end);
-                parameters.push(own(parameter(&name, number(low, high, unit), &describes), value));
+                parameters.push(own(&name, number(low, high, unit), &describes, value));
             }
         }
     }

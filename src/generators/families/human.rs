@@ -5,7 +5,7 @@
 //! reaches. The published file lists every member as a scene of its own; here a member is drawn a scene, so that a
 //! program is labelled by one run a route. That is our choice.
 
-use super::grammar::{self, number, optional, parameter};
+use super::grammar::{self, number, optional};
 use super::interface::{self, FamilySpec, OwnParameter, own};
 use super::staged;
 use crate::adapters::Family;
@@ -103,9 +103,9 @@ fn own_parameters() -> Vec<OwnParameter> {
         let (least, most) = (figures().fold(f64::INFINITY, f64::min), figures().fold(0.0, f64::max));
         let domain = number(0.5 * least, 1.5 * most, p.unit);
         let describes = format!("middle of the grid: {} of the {} scenario", p.name, family.name());
-        own(parameter(&name(family, p), domain, &describes), middle(&levels))
+        own(&name(family, p), domain, &describes, middle(&levels))
     };
-    let reach = own(parameter("grid_reach", number(0.0, 2.5, "1"), "how far the grid reaches; 1 as published"), 1.0);
+    let reach = own("grid_reach", number(0.0, 2.5, "1"), "how far the grid reaches; 1 as published", 1.0);
     staged::scenario_parameters().map(of).chain([reach]).collect()
 }
 

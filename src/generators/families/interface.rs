@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::grammar;
 use crate::adapters::{
-    Contract, Family, Limits, MechanismSlotSpec, OperatorSpec, ParameterSpec, SettingSpec, vocabulary,
+    Contract, Domain, Family, Limits, MechanismSlotSpec, OperatorSpec, ParameterSpec, SettingSpec, vocabulary,
 };
 use crate::objects::{
     CompileContract, FamilyName, LineageId, OperatorNode, ParameterValue, Program, Setting, Slot, SolutionId,
@@ -18,8 +18,9 @@ pub struct OwnParameter {
     pub value: ParameterValue,
 }
 
-/// A numeric parameter: declared as in [`grammar::parameter`], with its published value.
-pub fn own((name, spec): (String, ParameterSpec), value: f64) -> OwnParameter {
+/// A numeric parameter: declared as by [`grammar::parameter`], with its published value.
+pub fn own(name: &str, domain: Domain, describes: &str, value: f64) -> OwnParameter {
+    let (name, spec) = grammar::parameter(name, domain, describes);
     OwnParameter { name, spec, value: ParameterValue::Number(value) }
 }
 

@@ -1,16 +1,14 @@
 //! The settings of the lane-graph prior, as every family that draws from it declares them: the same eleven figures
 //! under words of the family's own, so that none of them speaks another's private vocabulary.
 
-use super::grammar::{integer, number, parameter};
+use super::grammar::{integer, number};
 use super::interface::{OwnParameter, own};
 use crate::motion::motion_prior::{self, PriorOptions};
 use crate::stage::{Part, Settings, Stage, StageError};
 
 /// The prior's parameters with CAT's figures; each name begins with `prefix`.
 pub fn parameters(prefix: &str) -> Vec<OwnParameter> {
-    let named = |name: &str, domain, describes: &str, value| {
-        own(parameter(&format!("{prefix}{name}"), domain, describes), value)
-    };
+    let named = |name: &str, domain, describes: &str, value| own(&format!("{prefix}{name}"), domain, describes, value);
     vec![
         named("candidate_count", integer(4, 64, "1"), "M, trajectories kept; 32 in CAT", 32.0),
         named("nms_radius_m", number(1.0, 15.0, "m"), "goal suppression radius at full speed; 7.2 in CAT", 7.2),

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::grammar::{self, integer, number, optional, parameter};
+use super::grammar::{self, integer, number, optional};
 use super::interface::{self, FamilySpec, OwnParameter, own};
 use super::published::{self, Port};
 use super::staged;
@@ -92,9 +92,7 @@ pub fn published(family: &Family, shipped: &'static str, prefix: &str) -> Publis
 
 /// Parameters of the search; each name begins with `prefix`.
 fn parameters(prefix: &str) -> Vec<OwnParameter> {
-    let named = |name: &str, domain, describes: &str, value| {
-        own(parameter(&format!("{prefix}{name}"), domain, describes), value)
-    };
+    let named = |name: &str, domain, describes: &str, value| own(&format!("{prefix}{name}"), domain, describes, value);
     vec![
         named(
             "query_count",

@@ -7,7 +7,7 @@
 //! replaced by eight primitives of the simulator with a uniform prior, chosen by nearness to the ego, way off the road and
 //! effort: a skill that was learned from driving keeps to the road by itself. Both are declared stand-ins.
 
-use super::grammar::{self, choice, number, optional, parameter, required, slot};
+use super::grammar::{self, choice, number, optional, required, slot};
 use super::interface::{self, FamilySpec, OwnParameter, own};
 use super::prior;
 use crate::adapters::Family;
@@ -103,35 +103,27 @@ pub fn family() -> Family {
 fn search_parameters() -> Vec<OwnParameter> {
     vec![
         own(
-            parameter(
-                "criticality_share",
-                number(0.0, 1.0, "1"),
-                "weight of criticality against ego deviation; 0.5 in SEAL",
-            ),
+            "criticality_share",
+            number(0.0, 1.0, "1"),
+            "weight of criticality against ego deviation; 0.5 in SEAL",
             0.5,
         ),
         own(
-            parameter(
-                "prior_share",
-                number(0.0, 0.5, "1"),
-                "weight of the log-probability under the prior, per unit; 0 in SEAL",
-            ),
+            "prior_share",
+            number(0.0, 0.5, "1"),
+            "weight of the log-probability under the prior, per unit; 0 in SEAL",
             0.0,
         ),
         own(
-            parameter(
-                "handover_lead_s",
-                number(0.0, 5.0, "s"),
-                "time before the predicted meeting at which the skills take over; 1.1 in SEAL",
-            ),
+            "handover_lead_s",
+            number(0.0, 5.0, "s"),
+            "time before the predicted meeting at which the skills take over; 1.1 in SEAL",
             1.1,
         ),
         own(
-            parameter(
-                "expected_braking_mps2",
-                number(1.0, 9.0, "m/s^2"),
-                "how hard the ego is expected to brake at most; 5 in the stand-in, MetaDrive's DEACC_FACTOR",
-            ),
+            "expected_braking_mps2",
+            number(1.0, 9.0, "m/s^2"),
+            "how hard the ego is expected to brake at most; 5 in the stand-in, MetaDrive's DEACC_FACTOR",
             5.0,
         ),
     ]

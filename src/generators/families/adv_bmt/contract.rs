@@ -2,7 +2,7 @@
 
 use super::words::{INSERTED_ACTOR, NAME, REJECTION, REVERSE_TOKENS};
 use crate::adapters::{Family, OperatorSpec};
-use crate::families::grammar::{self, choice, integer, number, optional, parameter, required, slot};
+use crate::families::grammar::{self, choice, integer, number, optional, required, slot};
 use crate::families::interface::{self, FamilySpec, OwnParameter, own, word};
 use crate::kernel::num;
 use crate::objects::{OperatorNode, Slot, ValueType};
@@ -48,9 +48,9 @@ fn actor_operator() -> OperatorSpec {
 }
 
 fn motion_parameters() -> Vec<OwnParameter> {
-    let of = |name, low, high, unit, describes, value| own(parameter(name, number(low, high, unit), describes), value);
+    let of = |name, low, high, unit, describes, value| own(name, number(low, high, unit), describes, value);
     vec![
-        own(parameter("sample_count", integer(1, 12, "1"), "backward rollouts; 8 in ADV-BMT"), 8.0),
+        own("sample_count", integer(1, 12, "1"), "backward rollouts; 8 in ADV-BMT", 8.0),
         of("nucleus_share", 0.3, 1.0, "1", "top-p of the token draw; 0.95 in ADV-BMT", 0.95),
         of("token_temperature", 0.3, 3.0, "1", "temperature of the token draw; 1 in ADV-BMT", 1.0),
         of(
@@ -87,27 +87,21 @@ fn motion_parameters() -> Vec<OwnParameter> {
 fn search_parameters() -> Vec<OwnParameter> {
     vec![
         own(
-            parameter(
-                "mean_speed_mps_min",
-                number(0.0, 6.0, "m/s"),
-                "net displacement over time below which a sample is rejected; 1 in ADV-BMT",
-            ),
+            "mean_speed_mps_min",
+            number(0.0, 6.0, "m/s"),
+            "net displacement over time below which a sample is rejected; 1 in ADV-BMT",
             1.0,
         ),
         own(
-            parameter(
-                "curvature_1pm_max",
-                number(0.05, 2.0, "1/m"),
-                "largest change of heading a metre before a sample is rejected; 0.8 in ADV-BMT",
-            ),
+            "curvature_1pm_max",
+            number(0.05, 2.0, "1/m"),
+            "largest change of heading a metre before a sample is rejected; 0.8 in ADV-BMT",
             0.8,
         ),
         own(
-            parameter(
-                "road_departure_m_max",
-                number(0.0, 20.0, "m"),
-                "how far a corner may leave the road before a sample is rejected",
-            ),
+            "road_departure_m_max",
+            number(0.0, 20.0, "m"),
+            "how far a corner may leave the road before a sample is rejected",
             0.5,
         ),
     ]

@@ -18,7 +18,7 @@ pub mod loss;
 
 use std::sync::Arc;
 
-use super::grammar::{self, choice, integer, number, optional, parameter, required, slot};
+use super::grammar::{self, choice, integer, number, optional, required, slot};
 use super::interface::{self, FamilySpec, OwnParameter, own};
 use crate::adapters::{Family, OperatorSpec, vocabulary};
 use crate::motion::Driven;
@@ -91,78 +91,40 @@ pub fn family() -> Family {
 
 fn motion_parameters() -> Vec<OwnParameter> {
     vec![
-        own(
-            parameter("action_spacing_s", number(0.1, 1.0, "s"), "time for which an action is held; 0.25 in KING"),
-            0.25,
-        ),
-        own(
-            parameter("throttle_mps2_max", number(0.5, 4.0, "m/s^2"), "acceleration at full throttle; 0.56 in KING"),
-            3.0,
-        ),
-        own(
-            parameter("brake_mps2_max", number(1.0, 8.0, "m/s^2"), "deceleration at full brake; 4.95 in KING"),
-            4.952399,
-        ),
+        own("action_spacing_s", number(0.1, 1.0, "s"), "time for which an action is held; 0.25 in KING", 0.25),
+        own("throttle_mps2_max", number(0.5, 4.0, "m/s^2"), "acceleration at full throttle; 0.56 in KING", 3.0),
+        own("brake_mps2_max", number(1.0, 8.0, "m/s^2"), "deceleration at full brake; 4.95 in KING", 4.952399),
     ]
 }
 
 fn search_parameters() -> Vec<OwnParameter> {
     vec![
-        own(parameter("descent_iterations", integer(10, 150, "1"), "iterations of Adam; 100 to 150 in KING"), 120.0),
+        own("descent_iterations", integer(10, 150, "1"), "iterations of Adam; 100 to 150 in KING", 120.0),
         own(
-            parameter(
-                "refinement_iterations",
-                integer(0, 60, "1"),
-                "iterations after the first contact, of which the best contact is used; 0 in KING",
-            ),
+            "refinement_iterations",
+            integer(0, 60, "1"),
+            "iterations after the first contact, of which the best contact is used; 0 in KING",
             20.0,
         ),
         own(
-            parameter(
-                "implausibility_weight",
-                number(0.0, 20.0, "1"),
-                "what motions beyond plausible acceleration, jerk, road and bystanders cost when iterates are ranked",
-            ),
+            "implausibility_weight",
+            number(0.0, 20.0, "1"),
+            "what motions beyond plausible acceleration, jerk, road and bystanders cost when iterates are ranked",
             2.0,
         ),
-        own(parameter("descent_rate", number(0.001, 0.2, "1"), "step length of Adam; 0.005 in KING"), 0.005),
-        own(parameter("first_moment_decay", number(0.5, 0.95, "1"), "beta 1; 0.8 in KING"), 0.8),
-        own(parameter("second_moment_decay", number(0.9, 0.9999, "1"), "beta 2; 0.999, 0.99, 0.99 in KING"), 0.99),
+        own("descent_rate", number(0.001, 0.2, "1"), "step length of Adam; 0.005 in KING", 0.005),
+        own("first_moment_decay", number(0.5, 0.95, "1"), "beta 1; 0.8 in KING", 0.8),
+        own("second_moment_decay", number(0.9, 0.9999, "1"), "beta 2; 0.999, 0.99, 0.99 in KING", 0.99),
+        own("ego_replay_every", integer(1, 8, "1"), "iterations between two simulations of the ego; 1 in KING", 1.0),
+        own("attraction_weight", number(0.1, 5.0, "1/m"), "weight of the mean distance to the ego; 1 in KING", 1.0),
+        own("departure_weight", number(0.0, 60.0, "1"), "weight of the off-road cost; 20 to 23 in KING", 23.0),
+        own("departure_sigma_m", number(0.3, 3.0, "m"), "width of the off-road Gaussian; 1 in KING", 1.0),
+        own("repulsion_weight", number(0.0, 20.0, "1/m"), "weight of the adversaries' distance; 5 in KING", 5.0),
+        own("repulsion_m_max", number(0.5, 6.0, "m"), "no repulsion beyond this distance; 1.25 in KING", 1.25),
         own(
-            parameter(
-                "ego_replay_every",
-                integer(1, 8, "1"),
-                "iterations between two simulations of the ego; 1 in KING",
-            ),
-            1.0,
-        ),
-        own(
-            parameter(
-                "attraction_weight",
-                number(0.1, 5.0, "1/m"),
-                "weight of the mean distance to the ego; 1 in KING",
-            ),
-            1.0,
-        ),
-        own(
-            parameter("departure_weight", number(0.0, 60.0, "1"), "weight of the off-road cost; 20 to 23 in KING"),
-            23.0,
-        ),
-        own(parameter("departure_sigma_m", number(0.3, 3.0, "m"), "width of the off-road Gaussian; 1 in KING"), 1.0),
-        own(
-            parameter("repulsion_weight", number(0.0, 20.0, "1/m"), "weight of the adversaries' distance; 5 in KING"),
-            5.0,
-        ),
-        own(
-            parameter("repulsion_m_max", number(0.5, 6.0, "m"), "no repulsion beyond this distance; 1.25 in KING"),
-            1.25,
-        ),
-        own(
-            parameter(
-                "bystander_weight",
-                number(0.0, 20.0, "1"),
-                "weight of each adversary's deepest approach to a recorded road user; 5 as for the adversaries' distance",
-            ),
+            "bystander_weight",
+            number(0.0, 20.0, "1"),
+            "weight of each adversary's deepest approach to a recorded road user; 5 as for the adversaries' distance",
             5.0,
         ),
     ]

@@ -1,8 +1,8 @@
 //! Defines what a program of the family may contain, and its parent.
 
 use super::words::{ATTACKER_POOL, ATTACKER_PRIOR, COUNSEL_RANK, COUNSEL_WEIGHT, DELIBERATION, NAME, PRIOR};
-use crate::adapters::{Family, Feature, OperatorSpec, ParameterSpec, vocabulary};
-use crate::families::grammar::{self, choice, from_parameter, integer, number, optional, parameter, required, slot};
+use crate::adapters::{Family, Feature, OperatorSpec, vocabulary};
+use crate::families::grammar::{self, choice, from_parameter, integer, number, optional, required, slot};
 use crate::families::interface::{self, FamilySpec, OwnParameter, own, word};
 use crate::families::prior;
 use crate::objects::{OperatorNode, Slot, ValueType};
@@ -65,10 +65,10 @@ pub fn family() -> Family {
 }
 
 fn pool_parameters() -> Vec<OwnParameter> {
-    let weight = |name, describes, value| own(parameter(name, number(0.0, 4.0, "1"), describes), value);
+    let weight = |name, describes, value| own(name, number(0.0, 4.0, "1"), describes, value);
     vec![
-        own(parameter("pool_size", integer(1, 5, "1"), "vehicles that may attack"), 3.0),
-        own(trust(), 4.0),
+        own("pool_size", integer(1, 5, "1"), "vehicles that may attack", 3.0),
+        trust(),
         weight("urgency_weight", "weight of exp(-time to collision / 3 s)", 1.0),
         weight("nearness_weight", "weight of exp(-gap / 20 m)", 0.7),
         weight("conflict_weight", "weight of a log that crosses the ego's route", 0.5),
@@ -78,11 +78,12 @@ fn pool_parameters() -> Vec<OwnParameter> {
 }
 
 /// The parameter that pool and search share. The parent's 4 outweighs what else the parent's weights can sum up to.
-fn trust() -> (String, ParameterSpec) {
-    parameter(
+fn trust() -> OwnParameter {
+    own(
         COUNSEL_WEIGHT,
         number(0.0, super::counsel::TRUST_MAX, "1"),
         "added to the score of a vehicle that the attacker agent named for the scene; 0 ignores the counsel",
+        4.0,
     )
 }
 
@@ -100,19 +101,10 @@ fn attacker_features() -> Vec<Feature> {
 
 fn search_parameters() -> Vec<OwnParameter> {
     vec![
-        own(parameter("attacker_count", integer(1, 3, "1"), "most vehicles that attack together"), 2.0),
-        own(
-            parameter("reflection_rounds", integer(0, 4, "1"), "rounds after the first proposal; 0 tries nothing"),
-            3.0,
-        ),
-        own(
-            parameter("attack_discount", number(0.5, 1.0, "1"), "u, discount of a contact per 0.5 s; 0.99 in CAT"),
-            0.99,
-        ),
-        own(
-            parameter("reach_weight", number(0.0, 4.0, "1"), "weight of being able to reach the ego within a second"),
-            2.0,
-        ),
+        own("attacker_count", integer(1, 3, "1"), "most vehicles that attack together", 2.0),
+        own("reflection_rounds", integer(0, 4, "1"), "rounds after the first proposal; 0 tries nothing", 3.0),
+        own("attack_discount", number(0.5, 1.0, "1"), "u, discount of a contact per 0.5 s; 0.99 in CAT", 0.99),
+        own("reach_weight", number(0.0, 4.0, "1"), "weight of being able to reach the ego within a second", 2.0),
     ]
 }
 
@@ -128,7 +120,7 @@ fn pool_operator(parameters: &[OwnParameter]) -> OperatorSpec {
 
 fn search_operator(parameters: &[OwnParameter]) -> OperatorSpec {
     let mut settings: Vec<_> = parameters.iter().map(interface::follows).collect();
-    settings.push(interface::follows(&own(trust(), 4.0)));
+    settings.push(interface::follows(&trust()));
     settings.extend([
         optional("score", "attack_score", "a log-score of the family's own"),
         required("combine", choice(&["add", "replace"]), "what a given score does to the log-posterior"),

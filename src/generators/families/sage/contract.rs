@@ -3,7 +3,7 @@
 use super::experts::Experts;
 use super::words::{MIXED_EXPERTS, NAME, PREFERENCE_REWARD, PRIOR};
 use crate::adapters::{Family, OperatorSpec};
-use crate::families::grammar::{self, choice, integer, number, optional, parameter, required, slot};
+use crate::families::grammar::{self, choice, integer, number, optional, required, slot};
 use crate::families::interface::{self, FamilySpec, OwnParameter, own, word};
 use crate::families::prior;
 use crate::motion::motion_prior::PriorOptions;
@@ -41,27 +41,21 @@ fn parameters() -> Vec<OwnParameter> {
     let mut parameters = prior::parameters(PRIOR);
     parameters.extend([
         own(
-            parameter(
-                "preference_weight",
-                number(0.0, 1.0, "1"),
-                "w: 0 the realistic expert, 1 the adversarial one, between them their weights mixed; 0.5 in SAGE",
-            ),
+            "preference_weight",
+            number(0.0, 1.0, "1"),
+            "w: 0 the realistic expert, 1 the adversarial one, between them their weights mixed; 0.5 in SAGE",
             0.5,
         ),
         own(
-            parameter(
-                "kept_count",
-                integer(1, 64, "1"),
-                "how many of the mixed expert's most probable trajectories the reward chooses from; 32 in SAGE",
-            ),
+            "kept_count",
+            integer(1, 64, "1"),
+            "how many of the mixed expert's most probable trajectories the reward chooses from; 32 in SAGE",
             32.0,
         ),
         own(
-            parameter(
-                "expert_share",
-                number(0.0, 5.0, "1"),
-                "weight of the mixed expert's log-probability beside the reward; 0 in SAGE",
-            ),
+            "expert_share",
+            number(0.0, 5.0, "1"),
+            "weight of the mixed expert's log-probability beside the reward; 0 in SAGE",
             0.0,
         ),
     ]);

@@ -17,7 +17,7 @@ pub mod solution;
 
 use std::sync::Arc;
 
-use super::grammar::{self, choice, integer, number, optional, parameter, required, slot};
+use super::grammar::{self, choice, integer, number, optional, required, slot};
 use super::interface::{self, FamilySpec, OwnParameter, own};
 use crate::adapters::{Family, OperatorSpec, vocabulary};
 use crate::kernel::num;
@@ -90,77 +90,45 @@ pub fn family() -> Family {
 
 fn motion_parameters() -> Vec<OwnParameter> {
     vec![
-        own(parameter("latent_modes", integer(2, 6, "1"), "modes of acceleration, and as many of curvature; 4"), 4.0),
-        own(
-            parameter(
-                "acceleration_spread_mps2",
-                number(0.1, 3.0, "m/s^2"),
-                "least spread of an acceleration mode; 1.05",
-            ),
-            1.05,
-        ),
-        own(parameter("curvature_spread_1pm", number(0.001, 0.05, "1/m"), "least spread of a curvature mode"), 0.005),
+        own("latent_modes", integer(2, 6, "1"), "modes of acceleration, and as many of curvature; 4", 4.0),
+        own("acceleration_spread_mps2", number(0.1, 3.0, "m/s^2"), "least spread of an acceleration mode; 1.05", 1.05),
+        own("curvature_spread_1pm", number(0.001, 0.05, "1/m"), "least spread of a curvature mode", 0.005),
     ]
 }
 
 fn search_parameters() -> Vec<OwnParameter> {
     vec![
-        own(parameter("latent_iterations", integer(10, 200, "1"), "iterations of Adam; 200 in STRIVE"), 200.0),
+        own("latent_iterations", integer(10, 200, "1"), "iterations of Adam; 200 in STRIVE", 200.0),
         own(
-            parameter(
-                "likelihood_iterations",
-                integer(0, 80, "1"),
-                "iterations after the first contact that look for likelier motions which still meet the ego",
-            ),
+            "likelihood_iterations",
+            integer(0, 80, "1"),
+            "iterations after the first contact that look for likelier motions which still meet the ego",
             30.0,
         ),
         own(
-            parameter(
-                "latent_implausibility_weight",
-                number(0.0, 20.0, "1"),
-                "what motions beyond plausible acceleration, jerk, road and bystanders cost when iterates are ranked",
-            ),
+            "latent_implausibility_weight",
+            number(0.0, 20.0, "1"),
+            "what motions beyond plausible acceleration, jerk, road and bystanders cost when iterates are ranked",
             2.0,
         ),
-        own(parameter("latent_rate", number(0.01, 0.5, "1"), "step length of Adam; 0.05 in STRIVE"), 0.05),
+        own("latent_rate", number(0.01, 0.5, "1"), "step length of Adam; 0.05 in STRIVE", 0.05),
+        own("planner_replay_every", integer(1, 8, "1"), "iterations between two simulations of the ego; 1", 1.0),
+        own("crash_weight", number(0.1, 10.0, "1/m^2"), "weight of the attackers' squared distance; 2", 2.0),
+        own("earliest_crash_s", number(0.0, 5.0, "s"), "no crash is sought before this time; 2", 2.0),
+        own("attacker_prior_weight", number(0.0, 1.0, "1"), "weight of an attacker's likelihood; 0.005", 0.005),
+        own("bystander_prior_weight", number(0.0, 20.0, "1"), "weight of the others' likelihood; 1", 1.0),
+        own("attacker_record_weight", number(0.0, 2.0, "1"), "weight of an attacker's way from its record; 0.05", 0.05),
+        own("bystander_record_weight", number(0.0, 5.0, "1"), "weight of the others' way from theirs; 0.5", 0.5),
         own(
-            parameter("planner_replay_every", integer(1, 8, "1"), "iterations between two simulations of the ego; 1"),
-            1.0,
-        ),
-        own(parameter("crash_weight", number(0.1, 10.0, "1/m^2"), "weight of the attackers' squared distance; 2"), 2.0),
-        own(parameter("earliest_crash_s", number(0.0, 5.0, "s"), "no crash is sought before this time; 2"), 2.0),
-        own(
-            parameter("attacker_prior_weight", number(0.0, 1.0, "1"), "weight of an attacker's likelihood; 0.005"),
-            0.005,
-        ),
-        own(parameter("bystander_prior_weight", number(0.0, 20.0, "1"), "weight of the others' likelihood; 1"), 1.0),
-        own(
-            parameter(
-                "attacker_record_weight",
-                number(0.0, 2.0, "1"),
-                "weight of an attacker's way from its record; 0.05",
-            ),
-            0.05,
-        ),
-        own(
-            parameter("bystander_record_weight", number(0.0, 5.0, "1"), "weight of the others' way from theirs; 0.5"),
-            0.5,
-        ),
-        own(
-            parameter(
-                "soft_contact_weight",
-                number(0.0, 60.0, "1"),
-                "weight of contact among all but attacker and ego; 20",
-            ),
+            "soft_contact_weight",
+            number(0.0, 60.0, "1"),
+            "weight of contact among all but attacker and ego; 20",
             20.0,
         ),
-        own(parameter("road_contact_weight", number(0.0, 60.0, "1"), "weight of corners beside the road; 20"), 20.0),
-        own(
-            parameter("solution_iterations", integer(5, 60, "1"), "iterations of each start of the solution pass"),
-            25.0,
-        ),
-        own(parameter("solution_rate", number(0.02, 1.0, "1"), "step length of the solution pass"), 0.15),
-        own(parameter("solution_buffer_m", number(0.0, 2.0, "m"), "room that the solution pass strives for; 0.5"), 0.5),
+        own("road_contact_weight", number(0.0, 60.0, "1"), "weight of corners beside the road; 20", 20.0),
+        own("solution_iterations", integer(5, 60, "1"), "iterations of each start of the solution pass", 25.0),
+        own("solution_rate", number(0.02, 1.0, "1"), "step length of the solution pass", 0.15),
+        own("solution_buffer_m", number(0.0, 2.0, "m"), "room that the solution pass strives for; 0.5", 0.5),
     ]
 }
 

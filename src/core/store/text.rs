@@ -62,10 +62,12 @@ impl TextLines {
     }
 
     fn fault(&self, error: std::io::Error) -> TextFault {
-        match error.get_ref().is_some_and(|inner| inner.is::<TooMuch>()) {
-            true => TextFault::Wrong(error.to_string(), "more".into()),
-            false if self.from.compressed => TextFault::Wrong("a whole zstd stream".into(), error.to_string()),
-            false => TextFault::Store(StoreError::io("read", &self.path, error)),
+        if error.get_ref().is_some_and(|inner| inner.is::<TooMuch>()) {
+            TextFault::Wrong(error.to_string(), "more".into())
+        } else if self.from.compressed {
+            TextFault::Wrong("a whole zstd stream".into(), error.to_string())
+        } else {
+            TextFault::Store(StoreError::io("read", &self.path, error))
         }
     }
 }

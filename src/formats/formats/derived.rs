@@ -128,11 +128,14 @@ pub fn kind_moving(places: &[Vec2], fastest_mps: f64, length_m: f64) -> AgentKin
     let walks = fastest_mps <= WALK_MAX_MPS;
     // Without a size nobody that fast is on foot.
     let has_size = length_m.is_finite() && length_m > 0.0;
-    match length_m >= CAR_LENGTH_MIN_M || !has_size && !walks {
-        _ if places.first().is_none_or(stands) => AgentKind::Static,
-        true => AgentKind::Vehicle,
-        false if walks => AgentKind::Pedestrian,
-        false => AgentKind::Cyclist,
+    if places.first().is_none_or(stands) {
+        AgentKind::Static
+    } else if length_m >= CAR_LENGTH_MIN_M || !has_size && !walks {
+        AgentKind::Vehicle
+    } else if walks {
+        AgentKind::Pedestrian
+    } else {
+        AgentKind::Cyclist
     }
 }
 

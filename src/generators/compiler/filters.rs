@@ -72,11 +72,8 @@ pub fn apply(
 fn violation(values: &[f64], bounds: &[Bound]) -> f64 {
     let beyond = |(place, lower, bound): &Bound| {
         let excess = if *lower { bound - values[*place] } else { values[*place] - bound };
-        match excess <= 0.0 {
-            true => 0.0,
-            // A value that is not a finite number is worse than all finite ones.
-            false => (excess / bound.abs().max(1.0)).min(f64::MAX / 8.0),
-        }
+        // A value that is not a finite number is worse than all finite ones.
+        if excess <= 0.0 { 0.0 } else { (excess / bound.abs().max(1.0)).min(f64::MAX / 8.0) }
     };
     bounds.iter().map(beyond).fold(0.0, |sum, by| sum + by)
 }

@@ -111,11 +111,9 @@ fn difference(here: &TaskOutcome, brought: &TaskOutcome) -> Option<(String, Stri
         (TaskOutcome::Record(here), TaskOutcome::Record(brought)) => {
             let [due, found] = [here, brought].map(|of| serde_json::from_str::<Value>(of.get()).unwrap_or_default());
             let said = |of: &str| Digest::of_bytes(of.as_bytes()).to_hex();
-            Some(match due == found {
-                // Another spelling of the same values has another name.
-                true => ("its bytes".into(), said(here.get()), said(brought.get())),
-                false => store::first_difference("", &due, &found),
-            })
+            // Another spelling of the same values has another name.
+            let spelling = || ("its bytes".into(), said(here.get()), said(brought.get()));
+            Some(if due == found { spelling() } else { store::first_difference("", &due, &found) })
         }
         (TaskOutcome::NoLabel(_), TaskOutcome::NoLabel(_)) | (TaskOutcome::Asked, TaskOutcome::Asked) => None,
         (here, brought) => Some(("what came of it".into(), kind(here), kind(brought))),

@@ -110,13 +110,11 @@ impl CompositionOptions {
         self.descriptions.iter().find_map(|(kind, text)| {
             let place = format!("descriptions.{kind}");
             let length = text.chars().count();
-            match kinds.contains(&kind.as_str()) {
-                false => Some((place, format!("a kind of scenario: {}", kinds.join(", ")))),
-                true if length == 0 || length > DESCRIPTION_MAX_CHARS => {
-                    Some((place, format!("1 to {DESCRIPTION_MAX_CHARS} characters, found {length}")))
-                }
-                true => None,
+            if !kinds.contains(&kind.as_str()) {
+                return Some((place, format!("a kind of scenario: {}", kinds.join(", "))));
             }
+            let fits = (1..=DESCRIPTION_MAX_CHARS).contains(&length);
+            (!fits).then(|| (place, format!("1 to {DESCRIPTION_MAX_CHARS} characters, found {length}")))
         })
     }
 }

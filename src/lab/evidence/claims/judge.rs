@@ -380,11 +380,8 @@ fn sides(claim: &Claim, estimate: &Estimate, threshold: f64) -> Option<[f64; 2]>
     );
     // A number on the threshold that no draw moves is nothing at all, and that is shown.
     let nothing = estimate.value == threshold && low == high;
-    Some(match below_is_claimed {
-        _ if nothing => [1.0, least_p()],
-        true => [below, above],
-        false => [above, below],
-    })
+    let ps = if below_is_claimed { [below, above] } else { [above, below] };
+    Some(if nothing { [1.0, least_p()] } else { ps })
 }
 
 /// The smallest p that so many resamples can tell.

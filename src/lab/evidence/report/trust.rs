@@ -97,15 +97,15 @@ fn proposers(run: &RecordedRun) -> Badge {
         }
     };
     let roles: Vec<String> = scripted.iter().map(|role| in_words(role)).collect();
-    let rests_on = match roles.is_empty() {
-        true if run.proposer() == "random" => {
-            "A null search: patches are drawn by the experiment's seed, so what it gains comes by chance.".to_string()
-        }
-        true => "The models' answers are recorded: the run replays without them.".to_string(),
-        false => format!(
+    let rests_on = if roles.is_empty() && run.proposer() == "random" {
+        "A null search: patches are drawn by the experiment's seed, so what it gains comes by chance.".to_string()
+    } else if roles.is_empty() {
+        "The models' answers are recorded: the run replays without them.".to_string()
+    } else {
+        format!(
             "The models' answers are recorded: the run replays without them. The scripted stand-in, which is no language model, answered as {}.",
             super::mechanism::joined(&roles)
-        ),
+        )
     };
     Badge { standing, says, rests_on }
 }

@@ -29,9 +29,9 @@ pub fn csv(table: &Table) -> String {
 
 /// One line of fields, quoted where they need it.
 pub fn line(fields: &[String]) -> String {
-    let quoted = |field: &String| match field.contains([',', '"', '\n', '\r']) {
-        true => format!("\"{}\"", field.replace('"', "\"\"")),
-        false => field.clone(),
+    let needs_quotes = |field: &str| field.contains([',', '"', '\n', '\r']);
+    let quoted = |field: &String| {
+        if needs_quotes(field) { format!("\"{}\"", field.replace('"', "\"\"")) } else { field.clone() }
     };
     format!("{}\n", fields.iter().map(quoted).collect::<Vec<_>>().join(","))
 }

@@ -141,12 +141,14 @@ impl Grid {
     }
 
     fn preamble(&self) -> String {
-        let of = |at: usize| match self.columns[at].is_text {
-            true if self.column_pt(at) >= BETWEEN_PT + WORDS_PT => {
+        let of = |at: usize| {
+            if !self.columns[at].is_text {
+                "r".to_string()
+            } else if self.column_pt(at) >= BETWEEN_PT + WORDS_PT {
                 format!(">{{\\raggedright\\arraybackslash}}p{{{WORDS_PT}pt}}")
+            } else {
+                "l".to_string()
             }
-            true => "l".to_string(),
-            false => "r".to_string(),
         };
         format!("@{{}}{}@{{}}", (0..self.columns.len()).map(of).collect::<String>())
     }

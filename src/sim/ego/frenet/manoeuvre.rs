@@ -158,10 +158,12 @@ impl Manoeuvre {
             Some(reach_m) => self.aside.at((along[0] - self.along.at(0.0)[0]).clamp(0.0, reach_m)),
             None => {
                 let ([d, v, a], [_, s_v, s_a]) = (self.aside.at(t.min(self.end_s)), along);
-                match s_v > CRAWL_MPS {
-                    true => [d, v / s_v, (a - v / s_v * s_a) / (s_v * s_v)],
-                    false if v.abs() > CRAWL_MPS => return None,
-                    false => [d, 0.0, 0.0],
+                if s_v > CRAWL_MPS {
+                    [d, v / s_v, (a - v / s_v * s_a) / (s_v * s_v)]
+                } else if v.abs() > CRAWL_MPS {
+                    return None;
+                } else {
+                    [d, 0.0, 0.0]
                 }
             }
         };

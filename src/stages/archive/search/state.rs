@@ -103,11 +103,10 @@ impl SearchState {
                     let points: Vec<[f64; 2]> = population.iter().map(|(_, at)| [at.attack, at.realism]).collect();
                     let order = ordered(&points);
                     // Of those that stand alike the latest goes.
-                    let worst = (1..order.len()).fold(0, |worst, next| match before(order[worst], order[next]) {
-                        true => next,
-                        false if before(order[next], order[worst]) => worst,
-                        false => next,
-                    });
+                    let keeps = |worst: usize, next: usize| {
+                        !before(order[worst], order[next]) && before(order[next], order[worst])
+                    };
+                    let worst = (1..order.len()).fold(0, |worst, next| if keeps(worst, next) { worst } else { next });
                     population.remove(worst);
                 }
                 population.iter().any(|(kept, _)| *kept == id)

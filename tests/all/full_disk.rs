@@ -10,7 +10,7 @@ use crate::harness::{Ran, evodrive, folder_below, home, skip};
 
 /// Carries a command out where `full` is a disk of so many kilobytes, which a shell fills before; none where this system makes no
 /// such disk.
-fn on_a_full_disk(folder: &Path, (kilobytes, before): (usize, &str), args: &[&str]) -> Option<Ran> {
+fn on_a_full_disk(folder: &Path, kilobytes: usize, before: &str, args: &[&str]) -> Option<Ran> {
     std::fs::create_dir_all(folder.join("full")).unwrap();
     let script = format!("mount -t tmpfs -o size={kilobytes}k none full || exit 9\n{before}\nexec \"$@\"");
     let ran = Ran::of(
@@ -60,7 +60,7 @@ fn every_command_that_writes_says_that_the_disk_is_full_where_and_what_to_do() {
     ];
     let mut wrong = Vec::new();
     for args in commands {
-        let Some(ran) = on_a_full_disk(dir.path(), (4, ""), args) else { return };
+        let Some(ran) = on_a_full_disk(dir.path(), 4, "", args) else { return };
         let said = ran.stderr.lines().find(|line| line.starts_with("error: ")).unwrap_or_default();
         let names = ["full/", "the disk is full: make room"];
         // The system's words, and those for what SQLite reports.
@@ -74,7 +74,7 @@ fn every_command_that_writes_says_that_the_disk_is_full_where_and_what_to_do() {
     let filled = format!(
         "cp -r {run} full/run && rm -f full/run/report.html && head -c 64M /dev/zero > full/rest 2> /dev/null; true"
     );
-    let Some(ran) = on_a_full_disk(dir.path(), (16384, &filled), &["report", "full/run"]) else { return };
+    let Some(ran) = on_a_full_disk(dir.path(), 16384, &filled, &["report", "full/run"]) else { return };
     assert!(ran.code == 2 && ran.stderr.contains("full/run/report.html: No space left"), "{}", ran.stderr);
 }
 
@@ -86,7 +86,7 @@ fn a_run_that_a_full_disk_ended_ends_with_exit_code_2_wherever_that_happened() {
     let mut ends = Vec::new();
     for kilobytes in [64, 900, 960, 1020, 1060, 1100, 1140, 1180, 1240, 1400] {
         let args = ["run", "mine.toml", "--no-report", "--out", "full"];
-        let Some(ran) = on_a_full_disk(dir.path(), (kilobytes, ""), &args) else { return };
+        let Some(ran) = on_a_full_disk(dir.path(), kilobytes, "", &args) else { return };
         assert!(
             ran.code == 0 || ran.code == 2 && ran.stderr.contains("the disk is full"),
             "{kilobytes}: {}",

@@ -27,7 +27,7 @@ fn preloaded(folder: &Path) -> Option<PathBuf> {
 }
 
 /// Carries a command out on such a disk, whose locks fail with this error.
-fn without(library: &Path, (folder, errno, flock): (&Path, &str, bool), args: &[&str]) -> Ran {
+fn without(library: &Path, folder: &Path, errno: &str, flock: bool, args: &[&str]) -> Ran {
     let mut command = evodrive();
     command.current_dir(folder).env("LD_PRELOAD", library).env("NO_LOCKS_ERRNO", errno).args(args);
     Ran::of(if flock { &mut command } else { command.env("NO_FLOCK", "1") })
@@ -50,7 +50,7 @@ fn a_run_goes_on_without_the_locks_of_fcntl_and_comes_to_the_same() {
     let dir = tempfile::tempdir().unwrap();
     let Some((library, plain)) = prepared(dir.path()) else { return };
     for errno in ERRORS {
-        let here = |args: &[&str]| without(&library, (dir.path(), errno, true), args);
+        let here = |args: &[&str]| without(&library, dir.path(), errno, true, args);
         let ran =
             here(&["record", "mine.toml", "--no-report", "--out", errno, "--cassette", &format!("{errno}.jsonl")]);
         assert_eq!(ran.root(), plain.root(), "{errno}");
@@ -78,7 +78,7 @@ fn where_no_lock_is_to_be_had_that_is_said_with_what_helps_and_nothing_is_left()
     let dir = tempfile::tempdir().unwrap();
     let Some((library, plain)) = prepared(dir.path()) else { return };
     for errno in ERRORS {
-        let here = |args: &[&str]| without(&library, (dir.path(), errno, false), args);
+        let here = |args: &[&str]| without(&library, dir.path(), errno, false, args);
         for command in ["run", "record", "plan"] {
             let report: &[&str] = if command == "plan" { &[] } else { &["--no-report"] };
             let ran = here(&[&[command, "mine.toml", "--out", "none"], report].concat());

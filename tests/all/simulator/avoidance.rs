@@ -34,9 +34,9 @@ fn widened(scene: &Scene) -> Scene {
 fn a_cut_in_with_room_to_brake_is_avoidable_and_one_without_is_not() {
     // 8 m/s faster: cancelling that takes 2.4 m while the brakes build up and 64 / 15.2 = 4.2 m after. It is seen when it
     // begins to come over, at 2.9 s and 1.5 s; 1.2 s later 7.7 m and 3.9 m are left.
-    let with_room = met(motion(91, |t| Vec2::new(45.0 + 4.0 * t, lateral(t, (3.5, 0.0), (2.9, 4.4)))));
+    let with_room = met(motion(91, |t| Vec2::new(45.0 + 4.0 * t, lateral(t, 3.5, 0.0, 2.9..4.4))));
     assert_eq!((with_room.class, with_room.avoidable), (ContactClass::CutIn, Some(true)), "{with_room:?}");
-    let without = met(motion(91, |t| Vec2::new(30.0 + 4.0 * t, lateral(t, (3.5, 0.0), (1.5, 3.0)))));
+    let without = met(motion(91, |t| Vec2::new(30.0 + 4.0 * t, lateral(t, 3.5, 0.0, 1.5..3.0))));
     assert_eq!((without.class, without.avoidable), (ContactClass::CutIn, Some(false)), "{without:?}");
     assert!(without.visible_s.is_some_and(|s| s > 1.0), "it was seen, but too late: {without:?}");
 }

@@ -1,5 +1,7 @@
 //! Every class of contact in a scene made by hand: who struck whom, on which sides, and the class.
 
+use std::ops::Range;
+
 use crate::kernel::{Vec2, num};
 use crate::scene::{Sample, Scene};
 use crate::sim::scenes::*;
@@ -47,8 +49,8 @@ fn met(samples: Vec<Sample>) -> Contact {
 }
 
 /// Moves from one lateral place to another between two times, at constant lateral speed.
-pub fn lateral(seconds: f64, (from_m, to_m): (f64, f64), (begin_s, end_s): (f64, f64)) -> f64 {
-    from_m + (to_m - from_m) * ((seconds - begin_s) / (end_s - begin_s)).clamp(0.0, 1.0)
+pub fn lateral(seconds: f64, from_m: f64, to_m: f64, during_s: Range<f64>) -> f64 {
+    from_m + (to_m - from_m) * ((seconds - during_s.start) / (during_s.end - during_s.start)).clamp(0.0, 1.0)
 }
 
 fn labelled(contact: Contact) -> (ContactClass, Striker, Side, Side) {
@@ -65,7 +67,7 @@ fn a_car_that_rams_the_ego_from_behind_is_a_rear_end_in_which_the_ego_is_struck(
 
 #[test]
 fn a_car_that_comes_over_ahead_of_the_ego_cuts_in() {
-    let contact = met(motion(91, |t| Vec2::new(30.0 + 4.0 * t, lateral(t, (3.5, 0.0), (1.5, 3.0)))));
+    let contact = met(motion(91, |t| Vec2::new(30.0 + 4.0 * t, lateral(t, 3.5, 0.0, 1.5..3.0))));
     assert_eq!(labelled(contact), (ContactClass::CutIn, Striker::Ego, Side::Front, Side::Rear));
 }
 
@@ -99,9 +101,9 @@ fn a_car_that_comes_towards_the_ego_meets_it_head_on() {
 
 #[test]
 fn a_car_beside_the_ego_that_drifts_over_sideswipes_it() {
-    let contact = met(motion(91, |t| Vec2::new(12.0 * t, lateral(t, (3.5, 0.0), (1.0, 4.0)))));
+    let contact = met(motion(91, |t| Vec2::new(12.0 * t, lateral(t, 3.5, 0.0, 1.0..4.0))));
     assert_eq!(labelled(contact), (ContactClass::Sideswipe, Striker::Other, Side::Left, Side::Right));
-    let contact = met(motion(91, |t| Vec2::new(12.0 * t, lateral(t, (-3.5, 0.0), (1.0, 4.0)))));
+    let contact = met(motion(91, |t| Vec2::new(12.0 * t, lateral(t, -3.5, 0.0, 1.0..4.0))));
     assert_eq!(labelled(contact), (ContactClass::Sideswipe, Striker::Other, Side::Right, Side::Left));
 }
 

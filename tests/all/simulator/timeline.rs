@@ -85,7 +85,7 @@ fn who_crosses_comes_from_the_side_that_it_leaves_behind() {
     };
     assert_eq!([crossing(1.0), crossing(-1.0)], [Side::Right, Side::Left]);
     let cut_in = |side: f64| {
-        let samples = motion(91, |t| Vec2::new(45.0 + 4.0 * t, side * lateral(t, (3.5, 0.0), (2.9, 4.4))));
+        let samples = motion(91, |t| Vec2::new(45.0 + 4.0 * t, side * lateral(t, 3.5, 0.0, 2.9..4.4)));
         let (contact, timeline) = told(samples, &mut From(91, controls(0.0, 0.0)));
         assert_eq!(contact.class, ContactClass::CutIn);
         timeline.from

@@ -21,7 +21,8 @@ impl Sheet {
     /// A view for numpy.
     pub fn new(
         owner: &Arc<Mutex<learn::Fleet>>,
-        (at, kind): (usize, &'static str),
+        at: usize,
+        kind: &'static str,
         shape: Vec<usize>,
         read_only: bool,
     ) -> Sheet {

@@ -249,7 +249,7 @@ impl Fleet {
         let actions = fleet.actions_mut().as_mut_ptr() as usize;
         let sheets = fleet.sheets();
         let width = sheets.final_observations.len() / n;
-        let (memory, shape): ((usize, &'static str), Vec<usize>) = match name {
+        let ((at, kind), shape): ((usize, &'static str), Vec<usize>) = match name {
             "actions" => ((actions, "<f4"), vec![n, 2]),
             "observations_0" => ((sheets.observations[0].as_ptr() as usize, "<f4"), vec![n, width]),
             "observations_1" => ((sheets.observations[1].as_ptr() as usize, "<f4"), vec![n, width]),
@@ -271,7 +271,7 @@ impl Fleet {
             "now_program" => ((sheets.now_program.as_ptr() as usize, "<i4"), vec![n]),
             other => return Err(refused(format!("a fleet has no array {other:?}"))),
         };
-        Ok(Sheet::new(&self.fleet, memory, shape, name != "actions"))
+        Ok(Sheet::new(&self.fleet, at, kind, shape, name != "actions"))
     }
 
     /// Begins to plan every program around a driver, beside everything else.

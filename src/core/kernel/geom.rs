@@ -375,7 +375,7 @@ impl Polyline {
         let last = self.points.len() - 1;
         let coarse = self.points.iter().step_by(COARSE).map(|at| (*at - point).norm_squared());
         let mut bound_m = coarse.fold(f64::INFINITY, f64::min).sqrt() + SLACK_M;
-        let (mut best, mut best_distance) = ((0, 0.0), f64::INFINITY);
+        let (mut best, mut best_share, mut best_distance) = (0, 0.0, f64::INFINITY);
         // The line up to there is too far away.
         let mut passed_m = f64::NEG_INFINITY;
         for i in 0..last {
@@ -388,25 +388,25 @@ impl Polyline {
             }
             let (share, distance) = self.nearest_of(i, point);
             if distance < best_distance {
-                (best, best_distance) = ((i, share), distance);
+                (best, best_share, best_distance) = (i, share, distance);
                 bound_m = bound_m.min(distance.sqrt() + SLACK_M);
             }
         }
-        self.projection(point, best, best_distance)
+        self.projection(point, best, best_share, best_distance)
     }
 
     /// [`Polyline::project`] restricted to segments `from..to` (a window around a known place is cheaper).
     pub fn project_within(&self, point: Vec2, from: usize, to: usize) -> Projection {
         let to = to.clamp(1, self.points.len() - 1);
         let from = from.min(to - 1);
-        let (mut best, mut best_distance) = ((from, 0.0), f64::INFINITY);
+        let (mut best, mut best_share, mut best_distance) = (from, 0.0, f64::INFINITY);
         for i in from..to {
             let (share, distance) = self.nearest_of(i, point);
             if distance < best_distance {
-                (best, best_distance) = ((i, share), distance);
+                (best, best_share, best_distance) = (i, share, distance);
             }
         }
-        self.projection(point, best, best_distance)
+        self.projection(point, best, best_share, best_distance)
     }
 
     /// The share of a segment at which it is nearest, and the squared distance there.
@@ -417,7 +417,7 @@ impl Polyline {
         (share, (point - a.lerp(b, share)).norm_squared())
     }
 
-    fn projection(&self, point: Vec2, (i, share): (usize, f64), distance_squared: f64) -> Projection {
+    fn projection(&self, point: Vec2, i: usize, share: f64, distance_squared: f64) -> Projection {
         let along = self.points[i + 1] - self.points[i];
         let side = along.cross(point - self.points[i]);
         let distance = distance_squared.sqrt();

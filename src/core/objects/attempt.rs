@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     ids::{AttemptId, CardId, LineageId, SolutionId},
     patch::ProgramPatch,
-    program::Program,
+    program::{HashedProgram, Program},
     review::{Review, Role},
     score::{Objectives, Score},
 };
@@ -256,6 +256,13 @@ pub struct Candidate {
     pub patch_hash: Digest,
     /// Tags of its mechanisms, sorted, without repeats.
     pub mechanism_tags: Vec<String>,
+}
+
+impl Candidate {
+    /// The child with its hash.
+    pub fn hashed(&self) -> HashedProgram<'_> {
+        HashedProgram { program: &self.program, hash: self.program_hash }
+    }
 }
 
 /// Prediction and decision of the world evaluator (paper eq. method-routing).

@@ -213,7 +213,21 @@ pub struct Program {
     pub ancestor_chain: Vec<Ancestor>,
 }
 
+/// A program with the hash of its content.
+#[derive(Clone, Copy, Debug)]
+pub struct HashedProgram<'a> {
+    /// The program.
+    pub program: &'a Program,
+    /// [`Program::hash`].
+    pub hash: Digest,
+}
+
 impl Program {
+    /// Itself with its hash.
+    pub fn hashed(&self) -> Result<HashedProgram<'_>, CanonError> {
+        Ok(HashedProgram { program: self, hash: self.hash()? })
+    }
+
     /// Hash of everything that decides the program's behaviour. Identity, lineage and ancestors do not count, and
     /// expressions count in canonical text, so spacing does not matter.
     pub fn hash(&self) -> Result<Digest, CanonError> {

@@ -453,7 +453,7 @@ impl Pool {
     /// and the ids, so a larger evolution set keeps the same held-out set. Scenes of one SafeBench group (family and
     /// route) stay together; every other scene stands alone.
     pub fn split(&self, seed: Seed, evolution: EvolutionSize, held_out: usize) -> Result<Split, PoolError> {
-        self.split_among(seed, evolution, (0, held_out), |_| true)
+        self.split_among(seed, evolution, 0, held_out, |_| true)
     }
 
     /// Splits the scenes whose ids `takes` chooses, with a part for the choice of finalists. A group is there whole or not at all.
@@ -461,7 +461,8 @@ impl Pool {
         &self,
         seed: Seed,
         evolution: EvolutionSize,
-        (selection, held_out): (usize, usize),
+        selection: usize,
+        held_out: usize,
         takes: impl Fn(&str) -> bool,
     ) -> Result<Split, PoolError> {
         let mut units = self.units();
@@ -640,11 +641,11 @@ mod tests {
         assert_eq!(split.held_out, pool.split(Seed(4), EvolutionSize::Share(1.0), 3).unwrap().held_out);
         assert_eq!(split.all().map(|s| s.id.as_str()).collect::<BTreeSet<&str>>().len(), 10);
         // A part for selection takes nothing from the two others.
-        let apart = pool.split_among(Seed(4), EvolutionSize::Count(7), (2, 3), |_| true).unwrap();
+        let apart = pool.split_among(Seed(4), EvolutionSize::Count(7), 2, 3, |_| true).unwrap();
         assert_eq!((&apart.evolution, &apart.held_out, apart.selection.len()), (&split.evolution, &split.held_out, 2));
         assert_eq!(apart.all().map(|s| s.id.as_str()).collect::<BTreeSet<&str>>().len(), 12);
         assert_ne!(apart.digest(), split.digest());
-        let few = pool.split_among(Seed(4), EvolutionSize::Count(7), (3, 3), |_| true);
+        let few = pool.split_among(Seed(4), EvolutionSize::Count(7), 3, 3, |_| true);
         assert!(matches!(few, Err(PoolError::TooFew { wanted: 13, usable: 12, .. })), "{few:?}");
     }
 
@@ -663,7 +664,7 @@ mod tests {
         assert!(open.is_disjoint(&closed));
         // Where one scene of a group is not taken, no scene of it is.
         let first = &split.evolution[0].id;
-        let rest = pool.split_among(Seed(4), EvolutionSize::Share(1.0), (0, 30), |id| id != first).unwrap();
+        let rest = pool.split_among(Seed(4), EvolutionSize::Share(1.0), 0, 30, |id| id != first).unwrap();
         let without = groups(&[rest.evolution, rest.held_out].concat());
         let own = pool.scene(first).unwrap().staging.as_ref().unwrap().group();
         assert!(!without.contains(&own) && without.len() == 79, "{}", without.len());

@@ -51,7 +51,7 @@ impl Estimate {
 
     /// A mean of repeated searches: `of_seeds` has the means of every search's repetitions, with its share of the whole mean; `drawn` the
     /// whole mean over drawn scenes with all repetitions, of `scenes` independent ones. Without any spread the interval has no width.
-    pub fn repeated(value: f64, of_seeds: &[(f64, Vec<f64>)], (drawn, scenes): (&[f64], usize)) -> Estimate {
+    pub fn repeated(value: f64, of_seeds: &[(f64, Vec<f64>)], drawn: &[f64], scenes: usize) -> Estimate {
         let of_search = |(share, seeds): &(f64, Vec<f64>)| {
             let n = seeds.len() as f64;
             (seeds.len() > 1).then(|| (share * share * variance(seeds) / n, n - 1.0))
@@ -76,7 +76,7 @@ impl Estimate {
         Some(match drawn {
             None => Estimate::plain(value),
             Some(drawn) if of_seeds.len() < 2 => Estimate::drawn(value, drawn),
-            Some(drawn) => Estimate::repeated(value, &[(1.0, of_seeds)], (drawn, scenes)),
+            Some(drawn) => Estimate::repeated(value, &[(1.0, of_seeds)], drawn, scenes),
         })
     }
 
@@ -178,7 +178,7 @@ fn estimate(quantity: &Quantity, values: &[f64]) -> Option<Estimate> {
     let of_seeds = of_seeds(quantity);
     let suites: BTreeMap<Digest, usize> =
         quantity.iter().flat_map(|search| &search.seeds).map(|part| (part.suite, part.values.len())).collect();
-    Some(Estimate::repeated(value, &of_seeds, (values, suites.values().sum())))
+    Some(Estimate::repeated(value, &of_seeds, values, suites.values().sum()))
 }
 
 /// Means of the repetitions, those of searches with seeds in common together, and their share of the whole mean.

@@ -20,7 +20,7 @@ use crate::epoch::setting::study::{LineageSpec, Study};
 use crate::kernel::Digest;
 use crate::memory::{Query, retrieve};
 use crate::objects::{
-    AttemptId, Card, Objectives, Program, Score, SolutionId, WorldSnapshot,
+    AttemptId, Card, HashedProgram, Objectives, Program, Score, SolutionId, WorldSnapshot,
     event::{FrontPoint, Frozen, FrozenParent},
 };
 
@@ -70,6 +70,12 @@ pub struct Parent {
     pub memory_shown: Vec<String>,
 }
 
+impl Parent {
+    pub fn hashed(&self) -> HashedProgram<'_> {
+        HashedProgram { program: &self.program, hash: self.hash }
+    }
+}
+
 impl Snapshot<'_> {
     /// The program that a slot edits.
     pub fn parent_of(&self, slot: u32) -> &Parent {
@@ -101,7 +107,7 @@ pub fn freeze<'a>(
     for solution in live {
         if let Entry::Vacant(place) = standing.entry(solution) {
             let program = state.lineages.program(&spec.id, place.key())?;
-            let labels = labelling.standing((program, program.hash()?), &window, &so_far)?;
+            let labels = labelling.standing(program.hashed()?, &window, &so_far)?;
             place.insert(labels);
         }
     }
@@ -121,12 +127,12 @@ pub fn freeze<'a>(
     let mut parents = Vec::with_capacity(leaders.len());
     for solution in &leaders {
         let score = standing[solution].window.clone();
-        parents.push(freezing.parent(solution, score, (&archive, &archive), &scene_tags)?);
+        parents.push(freezing.parent(solution, score, &archive, &archive, &scene_tags)?);
     }
     for SlotDraw { parent, shown } in &drawn {
         let score = standing[parent].window.clone();
         let seen = if shown.is_empty() { archive.clone() } else { archive.showing(shown) };
-        parents.push(freezing.parent(parent, score, (&archive, &seen), &scene_tags)?);
+        parents.push(freezing.parent(parent, score, &archive, &seen, &scene_tags)?);
     }
     let event = freezing.event(&parents, !drawn.is_empty(), &archive, &window, &so_far)?;
     drop(freezing);
@@ -205,7 +211,8 @@ impl Freezing<'_> {
         &self,
         solution: &SolutionId,
         score: Score,
-        (archive, seen): (&Archive, &Archive),
+        archive: &Archive,
+        seen: &Archive,
         scene_tags: &[String],
     ) -> Result<Parent, RunError> {
         let Freezing { study, state, epoch, spec, .. } = *self;

@@ -31,7 +31,7 @@ pub use briefs::briefing::cluster_of;
 pub use error::RunError;
 pub use labelling::applied::{Applied, Labelled};
 pub use labelling::play::{Player, Traced};
-pub use labelling::rollouts::{Mode, Rollouts, TrialRecord, no_label_key, record_digest};
+pub use labelling::rollouts::{Mode, RolloutCounts, Rollouts, TrialRecord, no_label_key, record_digest};
 pub use planning::carried::{CarriedAnswers, RecordedAnswer};
 pub use planning::plan::plan;
 pub use planning::walk::{LineageJob, WalkRecord};

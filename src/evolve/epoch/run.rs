@@ -145,7 +145,7 @@ fn close(
     // All lineages of an epoch are routed by one snapshot, which rests on earlier epochs alone.
     let is_last = study.lineages.last().is_some_and(|last| last.id == snapshot.spec.id);
     let refit = if is_last { Refit::Now } else { Refit::Later };
-    let settled = settle(study, state, snapshot, judged, (refit, &desk.tools))?;
+    let settled = settle(study, state, snapshot, judged, refit, &desk.tools)?;
     desk.log.append(kind::SETTLED, &settled)?;
     (desk.watch)(Progress::settled(&settled));
     Ok(())

@@ -372,8 +372,7 @@ fn an_edit_of_what_nothing_uses_has_no_effect_although_the_program_draws_at_rand
         let trials = |edit: &dyn Fn(&mut Program)| {
             let mut child = parent.clone();
             edit(&mut child);
-            let (own, before) = (child.hash().unwrap(), parent.hash().unwrap());
-            labelling.trials(&window, (&child, own), (&parent, before)).unwrap()
+            labelling.trials(&window, child.hashed().unwrap(), parent.hashed().unwrap()).unwrap()
         };
         let idle = trials(&|child| {
             let gate = null(child).mechanism_modules.remove("nowhere").unwrap();
@@ -406,8 +405,8 @@ fn a_program_that_does_nothing_adds_no_frontier_area_and_is_never_accepted() {
     labelled(|labelling, parent| {
         let null = null(parent);
         let places = &labelling.study.evolution;
-        let before = labelling.score((parent, parent.hash().unwrap()), places).unwrap();
-        let after = labelling.score((&null, null.hash().unwrap()), places).unwrap();
+        let before = labelling.score(parent.hashed().unwrap(), places).unwrap();
+        let after = labelling.score(null.hashed().unwrap(), places).unwrap();
         assert!(before.coverage > 0.0 && after.coverage == 0.0);
         let options = &labelling.study.archive;
         let gates = consider(

@@ -19,14 +19,16 @@ const WINDOW_MAX: usize = 8;
 
 /// The three files of a study, each with its text, in the order in which they are based on each other.
 ///
-/// `scenes` is the pool as it was named and as the files name it, seen from their folder. Each of `families` is a lineage against IDM, and
-/// one more repeats the recording as the ego, where all scenes have one: those of CommonRoad have none.
+/// `typed` is the pool's path as it was named, `scenes` as the files name it, seen from their folder. Each of `families` is a lineage
+/// against IDM, and one more repeats the recording as the ego, where all scenes have one: those of CommonRoad have none.
 ///
 /// # Errors
 /// A name that no run folder can have; a family that is unknown, named twice or staged; fewer than two usable scenes.
 pub fn agreement_study(
     name: &str,
-    ([typed, scenes], pool): ([&Path; 2], &Pool),
+    typed: &Path,
+    scenes: &Path,
+    pool: &Pool,
     families: &[String],
 ) -> Result<[(&'static str, String); 3], ExperimentError> {
     let option = |error| ExperimentError::Option { file: "agree init".into(), error };

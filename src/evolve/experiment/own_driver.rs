@@ -42,8 +42,8 @@ pub fn inline(table: &mut Table, place: &Place) -> Result<bool, ExperimentError>
         Some(Ok(digest)) => Some(digest),
         Some(Err(error)) => return Err(refuse("digest", error.to_string(), "64 hex digits, or nothing")),
     };
-    let heard = heard(driver).map_err(|(field, found, expected)| refuse(field, found, expected))?;
-    let digest = match (found(&command, &files, heard, place), declared) {
+    let (observe, blind) = heard(driver).map_err(|(field, found, expected)| refuse(field, found, expected))?;
+    let digest = match (found(&command, &files, observe, blind, place), declared) {
         (Ok(digest), Some(declared)) if digest != declared => {
             let expected = format!("{digest}, which the files and arguments have; write it, or restore the program");
             return Err(refuse("digest", declared.to_hex(), &expected));
@@ -101,7 +101,8 @@ fn heard(driver: &Table) -> Result<(Option<Setting>, bool), (&'static str, Strin
 fn found(
     command: &[String],
     files: &[String],
-    heard: (Option<Setting>, bool),
+    observe: Option<Setting>,
+    blind: bool,
     place: &Place,
 ) -> Result<Digest, String> {
     let mut read = Vec::with_capacity(files.len());
@@ -112,7 +113,7 @@ fn found(
         let own = Path::new(name).file_name().map_or_else(|| name.clone(), |own| own.to_string_lossy().into_owned());
         read.push((own, Digest::of_bytes(&bytes)));
     }
-    DriverOptions::identity(command, &read, heard).map_err(|error| error.to_string())
+    DriverOptions::identity(command, &read, observe, blind).map_err(|error| error.to_string())
 }
 
 /// Gives lineages whose ego is a program that program, and the experiment the backend that plays with it.

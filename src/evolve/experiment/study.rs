@@ -43,7 +43,8 @@ impl Experiment {
             .split_among(
                 Seed(self.seed),
                 self.split.evolution,
-                (self.split.selection.unwrap_or(0), self.split.held_out),
+                self.split.selection.unwrap_or(0),
+                self.split.held_out,
                 |id| !dropped.contains(id),
             )
             .map_err(refused)?;

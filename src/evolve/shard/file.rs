@@ -147,7 +147,8 @@ impl Shard {
     pub(super) fn read_tasks(
         &mut self,
         lines: &mut Lines<'_>,
-        (programs, tasks): (usize, usize),
+        programs: usize,
+        tasks: usize,
         file: &str,
         damaged: &dyn Fn(usize, Wrong) -> ShardError,
     ) -> Result<(), ShardError> {
@@ -212,7 +213,7 @@ impl Shard {
         let head: HeadLine = lines.head(FORMAT, file)?.map_err(|wrong| damaged(1, wrong))?;
         let (study, needs) = (head.study, head.needs);
         let mut shard = Shard { study, programs: BTreeMap::new(), tasks: Vec::new(), lineage: None, needs };
-        shard.read_tasks(&mut lines, (head.programs, head.tasks), "shard", &damaged)?;
+        shard.read_tasks(&mut lines, head.programs, head.tasks, "shard", &damaged)?;
         if let Some(LineageLine { records, answers, asks }) = head.lineage {
             let (at, walk) = lines.next::<LineageJob>("where a lineage stands");
             let walk = walk.map_err(|wrong| damaged(at, wrong))?;

@@ -87,7 +87,7 @@ impl Merge<'_> {
                         merged.refused.push((path.clone(), refused));
                         continue;
                     }
-                    self.compare(&shard, &result, (number, results), &mut met)?;
+                    self.compare(&shard, &result, number, results, &mut met)?;
                     usable.push(path);
                 }
                 Err(ShardError::Canon(error)) => return Err(error.into()),
@@ -156,7 +156,8 @@ impl Merge<'_> {
         &self,
         shard: &Shard,
         result: &ResultFile,
-        (number, results): (usize, &[PathBuf]),
+        number: usize,
+        results: &[PathBuf],
         met: &mut Met,
     ) -> Result<(), ShardError> {
         let mut meet = |kind: Kind, key: Digest, scene: &str, digest: Digest, stored: Option<Digest>| {

@@ -181,7 +181,7 @@ impl ResultFile {
         let mut asked = Vec::new();
         match (head.lineage, shard.lineage.is_some()) {
             (Some(made), true) => {
-                shard.read_tasks(&mut lines, (made.programs, made.tasks), "result", &damaged)?;
+                shard.read_tasks(&mut lines, made.programs, made.tasks, "result", &damaged)?;
                 for _ in 0..made.asked {
                     let (at, read) = lines.next::<RecordedAnswer>("what a model was asked");
                     asked.push(read.map_err(|wrong| damaged(at, wrong))?);

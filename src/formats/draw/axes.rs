@@ -110,7 +110,7 @@ impl Axes {
     }
 
     /// Draws ticks and names of both sides in letters of a size, without a grid: for small panels over shaded fields.
-    pub fn draw_small(&self, figure: &mut Figure, letters: f64, (across, up): (&str, &str)) {
+    pub fn draw_small(&self, figure: &mut Figure, letters: f64, across: &str, up: &str) {
         let [left, top, wide, high] = self.place;
         let line = Ink::line(GREY, 0.6);
         for tick in &self.up.ticks {

@@ -162,7 +162,8 @@ impl Figure {
     }
 
     /// Adds a mark around a point, `r` its half size.
-    pub fn mark(&mut self, mark: Mark, (x, y): (f64, f64), r: f64, ink: Ink) {
+    pub fn mark(&mut self, mark: Mark, at: (f64, f64), r: f64, ink: Ink) {
+        let (x, y) = at;
         let closed = |points: [(f64, f64); 4]| points.map(|(dx, dy)| (x + r * dx, y + r * dy)).to_vec();
         match mark {
             Mark::Disc => self.shapes.push(Shape::Disc((x, y), r, ink)),

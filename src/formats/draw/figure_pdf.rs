@@ -32,7 +32,7 @@ pub fn pdf(figure: &Figure) -> Result<Vec<u8>, PdfError> {
     drawn.set_line_cap(LineCapStyle::RoundCap);
     draw(&mut drawn, &figure.shapes, figure.height);
     let weights = [false, true].map(|bold| has_words(&figure.shapes, bold));
-    Ok(document((figure.width, figure.height), &figure.title, &drawn.finish().into_vec(), weights))
+    Ok(document(figure.width, figure.height, &figure.title, &drawn.finish().into_vec(), weights))
 }
 
 /// Returns the first line of text with a letter that the font lacks, and the letter.
@@ -55,7 +55,7 @@ pub fn in_font(words: &str) -> String {
 const NAMES: [Name<'static>; 2] = [Name(b"F1"), Name(b"F2")];
 
 /// Writes a page of this size with its drawing, and the fonts of its words.
-fn document((width, height): (f64, f64), title: &str, drawn: &[u8], weights: [bool; 2]) -> Vec<u8> {
+fn document(width: f64, height: f64, title: &str, drawn: &[u8], weights: [bool; 2]) -> Vec<u8> {
     let [catalog, pages, page, content, info] = [1, 2, 3, 4, 5].map(Ref::new);
     // Three objects a font: the font, its description for readers, its file.
     let places = [6, 9].map(|first| [first, first + 1, first + 2].map(Ref::new));
@@ -131,7 +131,7 @@ fn draw(out: &mut Content, shapes: &[Shape], height: f64) {
             }
             Shape::Disc((x, y), r, ink) => {
                 begin(out, ink);
-                disc(out, (*x, up(*y)), *r);
+                disc(out, *x, up(*y), *r);
                 paint(out, ink);
             }
             Shape::Text(words) => text(out, words, up(words.at.1)),
@@ -165,7 +165,7 @@ fn paint(out: &mut Content, ink: &Ink) {
     };
 }
 
-fn disc(out: &mut Content, (x, y): (f64, f64), r: f64) {
+fn disc(out: &mut Content, x: f64, y: f64, r: f64) {
     let k = ROUND * r;
     out.move_to(short(x + r), short(y));
     for [a, b, c] in [

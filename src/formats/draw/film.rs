@@ -120,19 +120,19 @@ impl Sheet<'_> {
         let palette = panel.theme.palette();
         let (ink, ground) = (rgb_of(palette.text), rgb_of(palette.ground));
         for (k, line) in self.title.iter().enumerate() {
-            sheet.write((EDGE_PX, EDGE_PX + LINE_PX * k), line, ink);
+            sheet.write(EDGE_PX, EDGE_PX + LINE_PX * k, line, ink);
         }
         let below = EDGE_PX + LINE_PX * self.title.len();
-        sheet.write((EDGE_PX, below), &clock(drawing, step), ink);
+        sheet.write(EDGE_PX, below, &clock(drawing, step), ink);
         for (x, role) in self.key() {
-            sheet.write((x + SWATCH_PX, below), role.label(), ink);
+            sheet.write(x + SWATCH_PX, below, role.label(), ink);
         }
         let letter = get_raster_width(WEIGHT, LETTER);
         let letters = Letters { advance_px: letter as f64, line_px: LINE_PX as f64 };
         for label in labels(drawing, view, step, false, letters) {
-            let place = (label.x.max(0.0) as usize, (head as f64 + label.y).max(13.0) as usize - 13);
-            sheet.veil(place, label.text.chars().count(), ground);
-            sheet.write(place, &label.text, ink);
+            let (x, y) = (label.x.max(0.0) as usize, (head as f64 + label.y).max(13.0) as usize - 13);
+            sheet.veil(x, y, label.text.chars().count(), ground);
+            sheet.write(x, y, &label.text, ink);
         }
         Ok(sheet.rgb)
     }
@@ -202,7 +202,7 @@ impl Written {
     }
 
     /// Writes one line of words from its upper left corner on. A letter that the font lacks becomes a question mark.
-    fn write(&mut self, (x, y): (usize, usize), words: &str, ink: [u8; 3]) {
+    fn write(&mut self, x: usize, y: usize, words: &str, ink: [u8; 3]) {
         let letter = get_raster_width(WEIGHT, LETTER);
         for (k, c) in words.chars().enumerate() {
             let Some(shape) = get_raster(c, WEIGHT, LETTER).or_else(|| get_raster('?', WEIGHT, LETTER)) else {
@@ -217,7 +217,7 @@ impl Written {
     }
 
     /// Lightens the ground of words so that they can be read on anything.
-    fn veil(&mut self, (x, y): (usize, usize), letters: usize, ground: [u8; 3]) {
+    fn veil(&mut self, x: usize, y: usize, letters: usize, ground: [u8; 3]) {
         let width = letters * get_raster_width(WEIGHT, LETTER);
         for dy in 0..LINE_PX - 1 {
             for dx in 0..width {

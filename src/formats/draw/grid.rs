@@ -58,7 +58,7 @@ pub fn grid(cells: &[Cell], options: &GridOptions) -> Figure {
         let top = HEAD_PT + (at / columns) as f64 * row_pt;
         let moment = moment(&cell.drawing);
         let ghosts = ghosts(&cell.drawing, moment);
-        let (middle, width_m) = frame(&cell.drawing, (moment, &ghosts), options.around_m);
+        let (middle, width_m) = frame(&cell.drawing, moment, &ghosts, options.around_m);
         panel(
             &mut sheet,
             &cell.drawing,
@@ -106,7 +106,7 @@ fn ghosts(drawing: &Drawing, moment: usize) -> Vec<usize> {
 }
 
 /// Returns middle and width of the panel: ego and adversaries now and at their outlines, the ego's place in the middle of all.
-fn frame(drawing: &Drawing, (moment, ghosts): (usize, &[usize]), around_m: f64) -> (Vec2, f64) {
+fn frame(drawing: &Drawing, moment: usize, ghosts: &[usize], around_m: f64) -> (Vec2, f64) {
     let leading = drawing.actors.iter().filter(|actor| matches!(actor.role, Role::Ego | Role::Adversary));
     let places: Vec<Vec2> =
         leading.flat_map(|actor| ghosts.iter().chain([&moment]).filter_map(|step| place_at(actor, *step))).collect();
@@ -167,7 +167,7 @@ mod tests {
     fn nobody_who_matters_leaves_the_frame() {
         let of = cell(None).drawing;
         let steps = ghosts(&of, 39);
-        let (middle, width_m) = frame(&of, (39, &steps), 5.0);
+        let (middle, width_m) = frame(&of, 39, &steps, 5.0);
         for actor in &of.actors[..2] {
             for step in steps.iter().chain([&39]) {
                 let place = place_at(actor, *step).unwrap();

@@ -42,12 +42,12 @@ const RINGS: usize = 5;
 /// least. `kept_free` are areas that words avoid.
 pub fn placed(wanted: &[Wanted], size: (f64, f64), letters: Letters, kept_free: &[Area]) -> Vec<Label> {
     let mut taken: Vec<Area> = kept_free.to_vec();
-    taken.extend(wanted.iter().filter(|of| of.needed).map(|of| square(of.at, of.reach_px)));
+    taken.extend(wanted.iter().filter(|of| of.needed).map(|of| square(of.at.0, of.at.1, of.reach_px)));
     let mut labels = Vec::new();
     for of in wanted {
         let (wide, high) = (letters.advance_px * of.text.chars().count() as f64, letters.line_px);
         let covered = |area: &Area| taken.iter().map(|other| overlap(area, other)).sum::<f64>();
-        let areas = areas(of, (wide, high), size);
+        let areas = areas(of, wide, high, size);
         let free = areas.iter().find(|area| covered(area) == 0.0).copied();
         let least = || areas.iter().copied().min_by(|a, b| covered(a).total_cmp(&covered(b))).filter(|_| of.needed);
         if let Some(area) = free.or_else(least) {
@@ -58,12 +58,12 @@ pub fn placed(wanted: &[Wanted], size: (f64, f64), letters: Letters, kept_free: 
     labels
 }
 
-fn square((x, y): (f64, f64), reach: f64) -> Area {
+fn square(x: f64, y: f64, reach: f64) -> Area {
     [x - reach, y - reach, x + reach, y + reach]
 }
 
 /// Returns places around it, pushed into the picture. None covers the named thing unless the picture is too small for any other.
-fn areas(of: &Wanted, (wide, high): (f64, f64), size: (f64, f64)) -> Vec<Area> {
+fn areas(of: &Wanted, wide: f64, high: f64, size: (f64, f64)) -> Vec<Area> {
     let (x, y) = of.at;
     let mut areas = Vec::new();
     for ring in 0..RINGS {
@@ -105,12 +105,12 @@ mod tests {
         fn words_of_a_contact_stay_inside_and_off_each_other_wherever_it_happens(x in 0.0..320.0f64, y in 0.0..240.0f64, apart in 0.0..6.0f64) {
             let one = |at: (f64, f64), text: &str| Wanted { at, reach_px: 8.0, text: text.into(), needed: true };
             let wanted = [one((x, y), "ego 10.6 m/s"), one((x + apart, y), "inserted cyclist 9.8 m/s"), one((x, y), "contact, 20.5 m/s")];
-            let labels = placed(&wanted, (320.0, 240.0), LETTERS, &[square((x, y), 22.0)]);
+            let labels = placed(&wanted, (320.0, 240.0), LETTERS, &[square(x, y, 22.0)]);
             prop_assert_eq!(labels.len(), 3);
             let areas: Vec<Area> = labels.iter().map(area).collect();
             for (k, one) in areas.iter().enumerate() {
                 prop_assert!(one[0] >= 0.0 && one[1] >= 0.0 && one[2] <= 320.0 && one[3] <= 240.0, "{:?} leaves the picture", labels[k]);
-                prop_assert!(overlap(one, &square((x, y), 22.0)) < TOUCHING, "{:?} covers the contact", labels[k]);
+                prop_assert!(overlap(one, &square(x, y, 22.0)) < TOUCHING, "{:?} covers the contact", labels[k]);
                 for other in &areas[k + 1..] {
                     prop_assert!(overlap(one, other) < TOUCHING, "{labels:?}");
                 }

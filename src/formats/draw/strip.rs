@@ -190,7 +190,7 @@ pub fn strips(rows: &[(String, &Drawing)], options: &StripOptions) -> String {
     for (nth, (line, drawing)) in rows.iter().enumerate() {
         let top = nth as f64 * row_px + head;
         if !line.is_empty() {
-            text(&mut out, (2.0, top - 7.0), "start", colours.text, line);
+            text(&mut out, 2.0, top - 7.0, "start", colours.text, line);
         }
         for (k, step) in options.steps.iter().enumerate() {
             let _ = write!(
@@ -207,18 +207,18 @@ pub fn strips(rows: &[(String, &Drawing)], options: &StripOptions) -> String {
     for (k, step) in options.steps.iter().enumerate() {
         let middle = k as f64 * (w + GAP_PX) + 0.5 * w;
         let said = format!("t = {:.1} s", all.clock_s(*step));
-        text(&mut out, (middle, below + 16.0), "middle", colours.text, &said);
+        text(&mut out, middle, below + 16.0, "middle", colours.text, &said);
     }
-    text(&mut out, (2.0, below + CAPTION_PX + 16.0), "start", colours.text, &options.title);
+    text(&mut out, 2.0, below + CAPTION_PX + 16.0, "start", colours.text, &options.title);
     let views: Vec<(View, usize)> =
         options.steps.iter().enumerate().map(|(k, step)| (view_of(&all, options, &view, k), *step)).collect();
     let pictures = rows.iter().flat_map(|(_, drawing)| views.iter().map(|(view, step)| (*drawing, view, *step)));
-    key_of_roles(&mut out, &roles_seen(pictures), options.theme, (2.0, below + CAPTION_PX + 34.0));
+    key_of_roles(&mut out, &roles_seen(pictures), options.theme, 2.0, below + CAPTION_PX + 34.0);
     out.push_str("</svg>\n");
     out
 }
 
-fn text(out: &mut String, (x, y): (f64, f64), anchor: &str, fill: &str, words: &str) {
+fn text(out: &mut String, x: f64, y: f64, anchor: &str, fill: &str, words: &str) {
     let anchor = if anchor == "start" { String::new() } else { format!(" text-anchor=\"{anchor}\"") };
     let words = escaped(words);
     let _ = writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"13\"{anchor} fill=\"{fill}\">{words}</text>");

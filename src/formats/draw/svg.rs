@@ -175,7 +175,7 @@ pub(super) fn told_moment(out: &mut String, drawing: &Drawing, view: &View, opti
     moment(out, drawing, view, options, step);
     let palette = options.theme.palette();
     draw_labels(out, &labels(drawing, view, step, options.labels, LETTERS), &palette);
-    draw_scale(out, view, &palette, (10.0, view.height_px - 10.0), "");
+    draw_scale(out, view, &palette, 10.0, view.height_px - 10.0, "");
 }
 
 /// Returns the roles of the road users that are seen at a step in one of these pictures, in the order of the legend.
@@ -192,7 +192,7 @@ pub(super) fn roles_seen<'p>(pictures: impl Iterator<Item = (&'p Drawing, &'p Vi
 }
 
 /// Draws these roles with their colours, in one line from a place on, pixels.
-pub(super) fn key_of_roles(out: &mut String, roles: &[Role], theme: Theme, (x, y): (f64, f64)) {
+pub(super) fn key_of_roles(out: &mut String, roles: &[Role], theme: Theme, x: f64, y: f64) {
     let mut at = x;
     for role in roles {
         let _ = writeln!(
@@ -571,14 +571,14 @@ fn draw_legend(out: &mut String, drawing: &Drawing, view: &View, options: &SvgOp
         let label = if count > 1 { format!("{} ({count})", role.label()) } else { role.label().to_string() };
         out.push_str(&text(46.0, y + 9.5, 12.0, 400, &label));
     }
-    draw_scale(out, view, palette, (22.0, view.height_px - 22.0), &format!(", t = {seconds:.1} s"));
+    draw_scale(out, view, palette, 22.0, view.height_px - 22.0, &format!(", t = {seconds:.1} s"));
 }
 
 /// Largest share of the picture's width for the bar of its scale.
 const SCALE_SHARE: f64 = 0.2;
 
 /// Draws a bar of a round length with its words from a place on.
-fn draw_scale(out: &mut String, view: &View, palette: &Palette, (x, y): (f64, f64), behind: &str) {
+fn draw_scale(out: &mut String, view: &View, palette: &Palette, x: f64, y: f64, behind: &str) {
     let reach = SCALE_SHARE * view.width_px / view.scale;
     let length =
         [500.0, 200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0].into_iter().find(|l| *l <= reach).unwrap_or(1.0);

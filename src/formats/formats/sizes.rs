@@ -59,7 +59,7 @@ pub fn exchange(tracks: &mut [LogTrack], kinds: &[AgentKind], ego: usize, left_o
         }
         (track.length_m, track.width_m) = (sides.1, sides.0);
         if ix == ego {
-            left_out.push((LeftOut::SIZES.into(), size_exchanged("the ego", sides)));
+            left_out.push((LeftOut::SIZES.into(), size_exchanged("the ego", sides.0, sides.1)));
         } else {
             others.push((track.id.as_str(), sides));
         }
@@ -69,15 +69,15 @@ pub fn exchange(tracks: &mut [LogTrack], kinds: &[AgentKind], ego: usize, left_o
 
 /// Names the road users whose sides were exchanged: of several their number, and the first one. The sides are the file's.
 pub fn sizes_exchanged(of: &[(&str, (f64, f64))]) -> Option<String> {
-    let (id, sides) = of.first()?;
-    let first = size_exchanged(&format!("track {}", shown(id)), *sides);
+    let &(id, (length_m, width_m)) = of.first()?;
+    let first = size_exchanged(&format!("track {}", shown(id)), length_m, width_m);
     Some(match of.len() {
         1 => first,
         many => format!("{many} vehicles have it so: {first}"),
     })
 }
 
-fn size_exchanged(whose: &str, (length_m, width_m): (f64, f64)) -> String {
+fn size_exchanged(whose: &str, length_m: f64, width_m: f64) -> String {
     format!("size of {whose} exchanged: {length_m:.2} x {width_m:.2} m is wider than long")
 }
 

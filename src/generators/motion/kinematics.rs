@@ -72,7 +72,8 @@ pub fn unroll<K: Kinematics>(model: &K, start: State, controls: &[Controls], dt_
 /// Slopes at the controls that led through `states` (start included) by `turns`; `slopes[k]` belongs to `states[k]`.
 pub fn pull_back<K: Kinematics>(
     model: &K,
-    (states, turns): (&[State], &[Turn]),
+    states: &[State],
+    turns: &[Turn],
     controls: &[Controls],
     slopes: &[Slope],
     dt_s: f64,
@@ -265,7 +266,7 @@ mod tests {
     /// Largest difference of adjoint and central differences, relative to the size of the slope.
     fn error<K: Kinematics>(model: &K, start: State, controls: &[Controls]) -> f64 {
         let (states, turns) = unroll(model, start, controls, 0.1);
-        let pulled = pull_back(model, (&states, &turns), controls, &slopes(&states), 0.1);
+        let pulled = pull_back(model, &states, &turns, controls, &slopes(&states), 0.1);
         let mut worst: f64 = 0.0;
         for k in 0..controls.len() {
             for which in 0..2 {
@@ -347,7 +348,7 @@ mod tests {
         }
         let bits = |of: &[f64]| of.iter().map(|x| x.to_bits()).collect::<Vec<u64>>();
         let of_state = |s: &State| bits(&[s.position.x, s.position.y, s.heading_rad, s.speed_mps]);
-        let found = pull_back(model, (&states, &turns), controls, &slopes, 0.1);
+        let found = pull_back(model, &states, &turns, controls, &slopes, 0.1);
         states.iter().map(of_state).eq(expected.iter().map(of_state))
             && found.iter().map(|c| bits(c)).eq(pulled.iter().map(|c| bits(c)))
     }

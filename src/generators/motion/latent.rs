@@ -102,7 +102,7 @@ impl Driven for LatentSpace {
     }
 
     fn pull(&self, drive: &Drive, slopes: &[Slope]) -> Vec<f64> {
-        let pulled = pull_back(&Curved::CAR, (&drive.states, &drive.turns), &drive.controls, slopes, DT_S);
+        let pulled = pull_back(&Curved::CAR, &drive.states, &drive.turns, &drive.controls, slopes, DT_S);
         let modes = self.waves.len();
         let one = |k: usize| {
             let (which, wave) = (k / modes, &self.waves[k % modes]);

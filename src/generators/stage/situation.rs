@@ -68,8 +68,9 @@ impl Situation {
         let failed = |source| SituationError::Rollout { scene: prepared.scene.id.clone(), source };
         let plant = Plant::with_options(prepared.clone(), simulator).map_err(failed)?;
         let mut driver = policy.driver();
-        let drive = sim::rollout_traced(&plant, &Intervention::default(), driver.as_mut()).map_err(failed)?;
-        Ok(Situation::around(prepared.clone(), plant, policy, drive))
+        let (outcome, trace) =
+            sim::rollout_traced(&plant, &Intervention::default(), driver.as_mut()).map_err(failed)?;
+        Ok(Situation::around(prepared.clone(), plant, policy, outcome, trace))
     }
 
     /// The same around an undisturbed drive of the ego that somebody else simulated. Searches that ask what the ego would do
@@ -78,7 +79,8 @@ impl Situation {
         prepared: Arc<PreparedScene>,
         plant: Plant,
         policy: &ego::Policy,
-        (outcome, trace): (Outcome, Trace),
+        outcome: Outcome,
+        trace: Trace,
     ) -> Situation {
         let (scene, lanes) = (prepared.scene.clone(), prepared.lanes.clone());
         let ego = EgoPath::new(&scene, trace.from_step, trace.ego);

@@ -113,7 +113,7 @@ pub fn best(run: &RecordedRun, rollouts: &BTreeMap<Digest, Rollout>, by: By, lin
             match rollouts.get(&label.record) {
                 None => lacking += 1,
                 Some(rollout) => {
-                    ranked.push(one((of, program, suite), label, rollout));
+                    ranked.push(one(of, program, suite, label, rollout));
                 }
             }
         }
@@ -150,7 +150,9 @@ impl Ranked {
 }
 
 fn one(
-    (lineage, program, suite): (&LineageId, &SolutionId, &'static str),
+    lineage: &LineageId,
+    program: &SolutionId,
+    suite: &'static str,
     label: &SceneScore,
     rollout: &Rollout,
 ) -> Ranked {

@@ -88,12 +88,12 @@ impl Difference {
         let names: Vec<(&str, &str, bool)> = names.chain(AROUND.map(|name| (name, "", false))).collect();
         let users = QUANTITIES.iter().enumerate().filter_map(|(place, (name, unit, _))| {
             let values = |rows: &[Rows]| rows.iter().flat_map(|of| &of.beside).map(|row| row[place]).collect();
-            quantity(("road users", name, unit), [values(&rows[0]), values(&rows[1])])
+            quantity("road users", name, unit, [values(&rows[0]), values(&rows[1])])
         });
         let scenes = names.iter().enumerate().filter_map(|(place, (name, unit, of_road))| {
             let values = |rows: &[Rows]| rows.iter().map(|of| of.scene[place]).collect();
             let of = if *of_road { "roads" } else { "scenes" };
-            quantity((of, name, unit), [values(&rows[0]), values(&rows[1])])
+            quantity(of, name, unit, [values(&rows[0]), values(&rows[1])])
         });
         let suite = Digest::of_bytes(format!("pools {} {}", pools[0].len(), pools[1].len()).as_bytes());
         let apart = |by: &'static str, of: &dyn Fn(&Rows) -> Vec<Vec<f64>>| {
@@ -129,7 +129,9 @@ fn members(rows: &[Vec<Rows>; 2], of: &dyn Fn(&Rows) -> Vec<Vec<f64>>) -> Vec<Me
 }
 
 fn quantity(
-    (of, name, unit): (&'static str, &'static str, &'static str),
+    of: &'static str,
+    name: &'static str,
+    unit: &'static str,
     [first, second]: [Vec<f64>; 2],
 ) -> Option<Quantity> {
     let (distance, in_deviations) = (wasserstein(&first, &second)?, in_deviations(&first, &second)?);

@@ -113,10 +113,9 @@ pub fn compare(first: &Path, second: &Path) -> Result<Differing, StoreError> {
     let behind = usize::from(!inputs.is_empty());
     let seq = (behind..events[0].max(events[1])).find(|seq| one.digests.get(*seq) != other.digests.get(*seq));
     let difference = |seq| -> Result<FirstEvent, StoreError> {
-        let pair = (event_at(first, seq)?, event_at(second, seq)?);
         let elsewhere = |bodies: &Bodies, digest: Option<&Digest>| digest.is_some_and(|d| bodies.all.contains(d));
         let swapped = elsewhere(&one, other.digests.get(seq)) && elsewhere(&other, one.digests.get(seq));
-        Ok(first_event(seq, pair, swapped))
+        Ok(first_event(seq, event_at(first, seq)?, event_at(second, seq)?, swapped))
     };
     Ok(Differing { events, inputs, first: seq.map(difference).transpose()? })
 }
@@ -170,7 +169,7 @@ fn parting(at: &str, first: &Value, second: &Value) -> Parting {
     Parting { field, first, second }
 }
 
-fn first_event(seq: usize, (one, other): (Option<Event>, Option<Event>), swapped: bool) -> FirstEvent {
+fn first_event(seq: usize, one: Option<Event>, other: Option<Event>, swapped: bool) -> FirstEvent {
     let kinds = [&one, &other].map(|event| event.as_ref().map(|event| event.kind.clone()));
     let of = one.as_ref().or(other.as_ref()).map(|event| whose(&event.body)).unwrap_or_default();
     let field = match (&one, &other) {

@@ -179,7 +179,9 @@ pub fn impact(tables: &[Table], runs: &[RecordedRun], things: &BTreeSet<Met>) ->
             for cell in row.cells.iter().filter(|cell| cell.ours.is_some()) {
                 let Some(basis) = cell.source.derivation(&bases, &row.key) else { continue };
                 let rests = Rests { runs, bases: &bases, basis: &basis };
-                if let Some((how, through, numbers)) = things.iter().filter_map(|thing| rests.on(thing)).min() {
+                if let Some((how, through, numbers)) =
+                    things.iter().filter_map(|(run, thing)| rests.on(*run, thing)).min()
+                {
                     let printed = cell.ours.map_or(String::new(), |ours| cell.column.form.number(ours.value));
                     touched.push(Touched { cell: cell_name(table, row, &cell.column), printed, how, through, numbers });
                 }
@@ -199,28 +201,28 @@ struct Rests<'a, 's> {
 type Found = (How, String, Vec<&'static str>);
 
 impl Rests<'_, '_> {
-    fn on(&self, (run, thing): &Met) -> Option<Found> {
+    fn on(&self, run: usize, thing: &RunObject) -> Option<Found> {
         match thing {
             RunObject::Whole(what) => {
-                self.parts().any(|(_, part)| part.run == *run).then(|| (How::Reads, what.to_string(), Vec::new()))
+                self.parts().any(|(_, part)| part.run == run).then(|| (How::Reads, what.to_string(), Vec::new()))
             }
-            RunObject::Rollout { solution, scene, held_out } => self.reads(*run, Some(solution), scene).or_else(|| {
+            RunObject::Rollout { solution, scene, held_out } => self.reads(run, Some(solution), scene).or_else(|| {
                 let lineage = LineageId::new(lineage_of(solution.as_str()));
-                (!held_out).then(|| self.chosen(*run, Some(&lineage))).flatten()
+                (!held_out).then(|| self.chosen(run, Some(&lineage))).flatten()
             }),
-            RunObject::Scene(scene) => self.reads(*run, None, scene).or_else(|| {
-                let open = self.runs[*run].opened.evolution_scenes.contains(scene);
-                open.then(|| self.chosen(*run, None)).flatten()
+            RunObject::Scene(scene) => self.reads(run, None, scene).or_else(|| {
+                let open = self.runs[run].opened.evolution_scenes.contains(scene);
+                open.then(|| self.chosen(run, None)).flatten()
             }),
             RunObject::Program(solution) => self
-                .descends(*run, solution)
-                .or_else(|| self.chosen(*run, Some(&LineageId::new(lineage_of(solution.as_str()))))),
+                .descends(run, solution)
+                .or_else(|| self.chosen(run, Some(&LineageId::new(lineage_of(solution.as_str()))))),
             RunObject::Attempt(id) => self
-                .counts(*run, id)
-                .or_else(|| self.descends(*run, &SolutionId::new(id.as_str())))
-                .or_else(|| self.chosen(*run, Some(&LineageId::new(lineage_of(id.as_str()))))),
+                .counts(run, id)
+                .or_else(|| self.descends(run, &SolutionId::new(id.as_str())))
+                .or_else(|| self.chosen(run, Some(&LineageId::new(lineage_of(id.as_str()))))),
             RunObject::Lineage(lineage) => {
-                let of = |(_, part): &(&Derivation, &Repetition)| part.run == *run && part.lineage == lineage.as_str();
+                let of = |(_, part): &(&Derivation, &Repetition)| part.run == run && part.lineage == lineage.as_str();
                 let met = self.parts().any(|pair| of(&pair));
                 met.then(|| (How::MadeFrom, format!("lineage {lineage}"), Vec::new()))
             }

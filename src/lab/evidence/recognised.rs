@@ -62,7 +62,7 @@ fn recognised([recorded, acted]: [&[Moving]; 2], suite: Digest) -> Recognised {
 }
 
 /// A Markdown table, a program a row: its name, and the realism that the search works with.
-pub fn text(rows: &[(String, Option<f64>, Recognised)], (scenes, driver): (usize, &str)) -> String {
+pub fn text(rows: &[(String, Option<f64>, Recognised)], scenes: usize, driver: &str) -> String {
     let mut out = format!(
         "# Whether acted road users are told from recorded ones\n\nA classifier (boosted trees, cross-validated by scene) sees {} numbers of a road user's motion \
          beside the ego, up to a second before a contact. AUC: the chance that of two it takes the acted one for acted; .5 where nothing tells them \

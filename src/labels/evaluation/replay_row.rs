@@ -6,7 +6,7 @@ use super::calibrate::moves;
 use super::evaluate::failure;
 use super::metrics::{EvaluationOptions, RealismOptions, realism::realism_of};
 use super::protocol::safebench::{Runs, safebench_run};
-use crate::backend::{Backend, BackendError, NoOutcome, ProgramContext};
+use crate::backend::{Backend, BackendError, DriveContext, NoOutcome};
 use crate::ego::Policy;
 use crate::kernel::{Seed, Threads, num};
 use crate::objects::benchmark::SafebenchRun;
@@ -74,8 +74,8 @@ fn play(
 ) -> Result<(ReplayScene, Option<SafebenchRun>), NoOutcome> {
     let scene = prepared.scene.id.clone();
     let plant = Plant::with_options(prepared.clone(), playing.simulator)?;
-    let drawn = (playing.seed, ProgramContext::Plain);
-    let outcome = playing.backend.rollout(&plant, &Intervention::default(), playing.ego, drawn)?;
+    let context = DriveContext::plain(playing.seed);
+    let outcome = playing.backend.rollout(&plant, &Intervention::default(), playing.ego, context)?;
     let (realism, run) = match playing.evaluation {
         EvaluationOptions::Metadrive(options) => (recorded_realism(&plant, &options.realism), None),
         EvaluationOptions::Safebench { safebench } => (None, safebench_run(&outcome, safebench)),

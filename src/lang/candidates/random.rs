@@ -28,7 +28,8 @@ pub struct Places<'a> {
 /// Draws a patch of 1 to `edits_max` edits at different places, all equally likely: a parameter's value, a literal setting of a node, a
 /// node's kind (of the same types, where no module is needed), a new rule with a condition over one scene feature.
 pub fn random_patch(
-    (parent, hash): (&Program, Digest),
+    parent: &Program,
+    hash: Digest,
     places: &Places<'_>,
     edits_max: usize,
     stream: &mut Stream,
@@ -328,7 +329,7 @@ mod tests {
         let mut stream = stream();
         let whole = serde_json::to_value(&parent).unwrap();
         for _ in 0..600 {
-            let patch = random_patch((&parent, parent.hash().unwrap()), &places, 3, &mut stream);
+            let patch = random_patch(&parent, parent.hash().unwrap(), &places, 3, &mut stream);
             counts.insert(patch.operations.len());
             for (place, operation) in patch.operations.iter().enumerate() {
                 assert!(apart(operation, &patch.operations[..place]), "{:?}", patch.operations);
@@ -351,8 +352,8 @@ mod tests {
         let mut small = contract.clone();
         small.scene_features.clear();
         let places = Places { contract: &small, ..places };
-        let most = (0..20)
-            .map(|_| random_patch((&parent, parent.hash().unwrap()), &places, 1000, &mut stream).operations.len());
+        let most =
+            (0..20).map(|_| random_patch(&parent, parent.hash().unwrap(), &places, 1000, &mut stream).operations.len());
         assert_eq!(most.max(), Some(7));
     }
 }

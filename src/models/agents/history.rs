@@ -288,7 +288,7 @@ impl Change {
 
     /// In one line: what is 0 is left out.
     fn shown(&self) -> String {
-        let (attack, realism) = (with_error(self.attack), with_error(self.realism));
+        let (attack, realism) = (with_error(self.attack.0, self.attack.1), with_error(self.realism.0, self.realism.1));
         let mut text = format!("{} scenes: attack {attack}, realism {realism}", self.scenes);
         if let Some([before, after]) = self.near {
             text.push_str(&format!(", near misses {before} -> {after}"));
@@ -383,7 +383,7 @@ fn signed(x: f64) -> String {
     format!("{:+.3}", num::rounded(x, 3))
 }
 
-fn with_error((x, error): (f64, Option<f64>)) -> String {
+fn with_error(x: f64, error: Option<f64>) -> String {
     match error {
         Some(error) => format!("{} ± {error:.3}", signed(x)),
         None => signed(x),

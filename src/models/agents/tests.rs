@@ -125,11 +125,19 @@ fn run_of(
     max_repair_rounds: u32,
     gates: &dyn Fn(&ProgramPatch) -> Findings,
 ) -> (Proposed, Vec<Request>) {
-    run_by(Default::default(), models, answers, max_repair_rounds, gates)
+    run_by(Rules::default(), models, answers, max_repair_rounds, gates)
+}
+
+/// Rules of the proposal.
+#[derive(Clone, Copy, Default)]
+struct Rules {
+    gates: GatesAsked,
+    unreadable_critic: UnreadableCritic,
+    unreadable_patch: UnreadablePatch,
 }
 
 fn run_by(
-    (gates_asked, unreadable_critic, unreadable_patch): (GatesAsked, UnreadableCritic, UnreadablePatch),
+    Rules { gates: gates_asked, unreadable_critic, unreadable_patch }: Rules,
     models: BTreeMap<Role, ModelSpec>,
     answers: &[(&'static str, u32, String)],
     max_repair_rounds: u32,
@@ -264,7 +272,7 @@ fn an_unreadable_critic_is_asked_again_with_its_answer_and_then_abstains_without
 
 #[test]
 fn an_unreadable_critic_ends_the_proposal_where_it_blocks_and_is_not_asked_again() {
-    let rules = (GatesAsked::BeforeCritics, UnreadableCritic::Blocks, UnreadablePatch::Repaired);
+    let rules = Rules { unreadable_critic: UnreadableCritic::Blocks, ..Rules::default() };
     let answers = [("attack_critic", 0, "fine with me".to_string())];
     let (proposed, asked) = run_by(rules, models(), &answers, 2, &|_| passed());
     let End::Declined { reason } = &proposed.end else { panic!("{:?}", proposed.end) };
@@ -274,7 +282,7 @@ fn an_unreadable_critic_ends_the_proposal_where_it_blocks_and_is_not_asked_again
 
 #[test]
 fn an_unreadable_patch_ends_the_proposal_where_the_rules_say_so_though_rounds_are_left() {
-    let rules = (GatesAsked::BeforeCritics, UnreadableCritic::Abstains, UnreadablePatch::Ends);
+    let rules = Rules { unreadable_patch: UnreadablePatch::Ends, ..Rules::default() };
     let repair = ("attack_critic", 0, review_reply("attack_critic", "repair").to_string());
     for (answers, asks) in [(vec![("actor", 0, "no".to_string())], 1), (vec![repair, ("repair", 1, "no".into())], 6)] {
         let (proposed, asked) = run_by(rules, models(), &answers, 2, &|_| passed());
@@ -286,7 +294,7 @@ fn an_unreadable_patch_ends_the_proposal_where_the_rules_say_so_though_rounds_ar
 
 #[test]
 fn gates_that_are_asked_after_the_critics_neither_call_for_a_repair_nor_are_told() {
-    let rules = (GatesAsked::AfterCritics, UnreadableCritic::Abstains, UnreadablePatch::Repaired);
+    let rules = Rules { gates: GatesAsked::AfterCritics, ..Rules::default() };
     let never = |_: &ProgramPatch| -> Findings { panic!("no gate is asked in the loop") };
     let (proposed, asked) = run_by(rules, models(), &[], 2, &never);
     assert!(matches!(proposed.end, End::Patch(_)), "{:?}", proposed.end);

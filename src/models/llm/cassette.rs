@@ -203,7 +203,7 @@ fn at_most_schemas(line: Line, bytes: &mut usize) -> Result<Line, Wrong> {
     Ok(line)
 }
 
-fn damaged(file: &str, line: usize, (expected, found): Wrong) -> CassetteError {
+fn damaged(file: &str, line: usize, expected: String, found: String) -> CassetteError {
     let file = file.to_string();
     if line == 1 && expected == VERSION {
         return CassetteError::Version { file, found };
@@ -303,11 +303,12 @@ impl Cassette {
             for line in alone {
                 read += 1;
                 let line = line.and_then(|line| at_most_schemas(line, &mut schema_bytes));
-                line.and_then(|line| cassette.take(line)).map_err(|wrong| damaged(file, read, wrong))?;
+                line.and_then(|line| cassette.take(line))
+                    .map_err(|(expected, found)| damaged(file, read, expected, found))?;
             }
             match fault {
                 Some(TextFault::Store(error)) => return Err(error.into()),
-                Some(TextFault::Wrong(expected, found)) => return Err(damaged(file, read + 1, (expected, found))),
+                Some(TextFault::Wrong(expected, found)) => return Err(damaged(file, read + 1, expected, found)),
                 None if none => return Ok(cassette),
                 None => {}
             }
@@ -502,10 +503,12 @@ impl Cassette {
     fn version(&self) -> &'static str {
         let new_settings = |model: &Arc<ModelSpec>| model.response_format.is_some() || !model.body.is_empty();
         let said = self.exchanges.iter().any(|e| e.metadata.is_some());
-        match said || self.models.values().any(new_settings) {
-            true if said && !self.has_unsealed_metadata => VERSION_SEALED,
-            true => VERSION_LIVE,
-            false => VERSION,
+        if said && !self.has_unsealed_metadata {
+            VERSION_SEALED
+        } else if said || self.models.values().any(new_settings) {
+            VERSION_LIVE
+        } else {
+            VERSION
         }
     }
 

@@ -104,9 +104,11 @@ struct Signed {
 /// A file that is not a key; an envelope that cannot be read, is about another manifest, or is not signed by this key.
 pub fn verified(
     bundle: &str,
-    (manifest, manifest_bytes): (&Manifest, &[u8]),
+    manifest: &Manifest,
+    manifest_bytes: &[u8],
     envelope: &[u8],
-    (key_file, pem): (&str, &str),
+    key_file: &str,
+    pem: &str,
 ) -> Result<(), BundleError> {
     let key = public(key_file, pem)?;
     let wrong = |problem: &str| BundleError::Signature { file: bundle.into(), problem: problem.into(), key: false };

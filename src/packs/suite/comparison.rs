@@ -93,7 +93,7 @@ fn row(first: &SuiteResult, name: &str, pairs: &[(&Played, &Played)]) -> Compare
     let (first_alone, second_alone) =
         (count(&|a, b| a.crashed() && !b.crashed()), count(&|a, b| !a.crashed() && b.crashed()));
     let difference = |of: &dyn Fn(&Played) -> f64| {
-        mean(first, ("compared", name), pairs.iter().map(|(a, b)| Some(of(b) - of(a))).collect())
+        mean(first, "compared", name, pairs.iter().map(|(a, b)| Some(of(b) - of(a))).collect())
     };
     let preventable = |played: &Played| played.drive().is_some_and(super::result::Drive::is_preventable);
     let at_fault = |side: &[&Played]| {

@@ -37,12 +37,12 @@ pub fn junit(result: &SuiteResult, rules: &[RuleResult], command: &dyn Fn(&Playe
     for family in families {
         let own = result.cases.iter().filter(|played| played.family == family);
         let cases: Vec<Case> = own.map(|played| case(result, played, command(played))).collect();
-        suite(&mut text, result, (id, family), &cases);
+        suite(&mut text, result, id, family, &cases);
         id += 1;
     }
     if !rules.is_empty() {
         let cases: Vec<Case> = rules.iter().map(|rule| of_rule(result, rule)).collect();
-        suite(&mut text, result, (id, "thresholds"), &cases);
+        suite(&mut text, result, id, "thresholds", &cases);
     }
     text.push_str("</testsuites>\n");
     text
@@ -80,7 +80,7 @@ fn of_rule(result: &SuiteResult, rule: &RuleResult) -> Case {
     }
 }
 
-fn suite(text: &mut String, result: &SuiteResult, (id, name): (usize, &str), cases: &[Case]) {
+fn suite(text: &mut String, result: &SuiteResult, id: usize, name: &str, cases: &[Case]) {
     let count =
         |element: &str| cases.iter().filter(|case| case.fault.as_ref().is_some_and(|of| of.0 == element)).count();
     let seconds: f64 = cases.iter().map(|case| case.seconds).sum();

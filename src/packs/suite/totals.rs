@@ -55,18 +55,18 @@ const BY: [(&str, Names); 3] =
 /// All rows, that of all scenes first.
 pub fn totals(result: &SuiteResult) -> Vec<Total> {
     let all: Vec<&Played> = result.cases.iter().collect();
-    let mut rows = vec![total(result, ("all", "all scenes"), &all)];
+    let mut rows = vec![total(result, "all", "all scenes", &all)];
     for (by, name_of) in BY {
         let names: BTreeSet<&str> = result.cases.iter().map(name_of).collect();
         for name in names {
             let own: Vec<&Played> = all.iter().filter(|played| name_of(played) == name).copied().collect();
-            rows.push(total(result, (by, name), &own));
+            rows.push(total(result, by, name, &own));
         }
     }
     rows
 }
 
-fn total(result: &SuiteResult, (by, name): (&'static str, &str), of: &[&Played]) -> Total {
+fn total(result: &SuiteResult, by: &'static str, name: &str, of: &[&Played]) -> Total {
     let drives: Vec<&Drive> = of.iter().filter_map(|played| played.drive()).collect();
     let share =
         |holds: &dyn Fn(&Drive) -> bool| Share::of(drives.iter().filter(|drive| holds(drive)).count(), drives.len());
@@ -84,7 +84,7 @@ fn total(result: &SuiteResult, (by, name): (&'static str, &str), of: &[&Played])
             .map(|drive| drive.is_at_fault())
             .collect::<Option<Vec<bool>>>()
             .and_then(|known| Share::of(known.into_iter().filter(|is| *is).count(), drives.len())),
-        completion: mean(result, (by, name), drives.iter().map(|drive| Some(drive.completion)).collect()),
+        completion: mean(result, by, name, drives.iter().map(|drive| Some(drive.completion)).collect()),
         arrived: share(&|drive| drive.end == End::Arrived),
         off_road: share(&|drive| drive.end == End::OffRoad),
     }
@@ -92,7 +92,7 @@ fn total(result: &SuiteResult, (by, name): (&'static str, &str), of: &[&Played])
 
 /// Returns a mean over scenes with the bootstrap of the paper's tables. Its draws are named by the suite and the row, so that two
 /// drivers on the same scenes have the same draws.
-pub(super) fn mean(result: &SuiteResult, (by, name): (&str, &str), values: Vec<Option<f64>>) -> Option<Estimate> {
+pub(super) fn mean(result: &SuiteResult, by: &str, name: &str, values: Vec<Option<f64>>) -> Option<Estimate> {
     let suite = Digest::of_bytes(format!("{} {by} {name}", result.suite.digest).as_bytes());
     let quantity = vec![Search { id: suite, seeds: vec![PerScene { suite, values }] }];
     estimates(&[quantity]).pop().flatten()

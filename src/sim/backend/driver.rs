@@ -77,7 +77,8 @@ impl DriverOptions {
     pub fn identity(
         command: &[String],
         files: &[(String, Digest)],
-        (observe, blind): (Option<Setting>, bool),
+        observe: Option<Setting>,
+        blind: bool,
     ) -> Result<Digest, CanonError> {
         let arguments = command.get(1..).unwrap_or_default();
         match (observe, blind) {
@@ -142,7 +143,7 @@ mod tests {
     fn a_planner_is_its_arguments_and_the_bytes_of_its_files_and_not_where_python_lies() {
         let command = |program: &str, speed: &str| vec![program.to_string(), "idm.py".into(), speed.into()];
         let file = |text: &str| [("idm.py".to_string(), Digest::of_bytes(text.as_bytes()))];
-        let of = |command: &[String], text: &str| DriverOptions::identity(command, &file(text), (None, true)).unwrap();
+        let of = |command: &[String], text: &str| DriverOptions::identity(command, &file(text), None, true).unwrap();
         let first = of(&command("python3", "10"), "a");
         assert_eq!(first, of(&command("/opt/bin/python3.11", "10"), "a"));
         assert_ne!(first, of(&command("python3", "11"), "a"));
@@ -152,13 +153,14 @@ mod tests {
         // A planner that is told more is another planner, and one that is told no more stays the same.
         let pinned = "ee4c82ed06488d0ea3cb39d8675881123a4b585040b40b8f8909c635b61c548c";
         assert_eq!(first.to_hex(), pinned);
-        let heard = |of| DriverOptions::identity(&command("python3", "10"), &file("a"), of).unwrap();
+        let heard =
+            |observe, blind| DriverOptions::identity(&command("python3", "10"), &file("a"), observe, blind).unwrap();
         let all = [
-            heard((None, true)),
-            heard((None, false)),
-            heard((Some(Setting::Metadrive1), true)),
-            heard((Some(Setting::Safebench1), true)),
-            heard((Some(Setting::Safebench1), false)),
+            heard(None, true),
+            heard(None, false),
+            heard(Some(Setting::Metadrive1), true),
+            heard(Some(Setting::Safebench1), true),
+            heard(Some(Setting::Safebench1), false),
         ];
         assert_eq!((all[0], BTreeSet::from(all).len()), (first, all.len()));
     }

@@ -130,7 +130,7 @@ fn played(options: &DriverOptions, start: &dyn Start, scene: &Scene, act: &Inter
     let planners = Planners::new(options, start);
     let backend = options.backend(&SimulatorOptions::SHIPPED).unwrap();
     let behind = Backend::Other { options: &backend, answers: &planners };
-    behind.rollout(&plant(scene), act, &options.policy().unwrap(), (Seed(1), ProgramContext::Plain))
+    behind.rollout(&plant(scene), act, &options.policy().unwrap(), DriveContext::plain(Seed(1)))
 }
 
 #[test]
@@ -313,12 +313,7 @@ fn who_drives_again_is_another_process_that_is_kept() {
     for seed in 0..3 {
         let scene = crossing(seed, 3, 91);
         behind
-            .rollout(
-                &plant(&scene),
-                &Intervention::default(),
-                &options.policy().unwrap(),
-                (Seed(1), ProgramContext::Plain),
-            )
+            .rollout(&plant(&scene), &Intervention::default(), &options.policy().unwrap(), DriveContext::plain(Seed(1)))
             .unwrap();
     }
     assert_eq!(start.1.load(Ordering::SeqCst), 2);
@@ -339,7 +334,7 @@ fn a_process_that_failed_is_replaced_and_one_that_drove_is_kept() {
             &plant(&crossing(seed, 3, 91)),
             &Intervention::default(),
             &options.policy().unwrap(),
-            (Seed(1), ProgramContext::Plain),
+            DriveContext::plain(Seed(1)),
         )
     };
     (0..3).for_each(|seed| drop(drive(seed).unwrap()));
@@ -353,7 +348,7 @@ fn a_process_that_failed_is_replaced_and_one_that_drove_is_kept() {
             &plant(&scene),
             &Intervention::default(),
             &options.policy().unwrap(),
-            (Seed(1), ProgramContext::Plain),
+            DriveContext::plain(Seed(1)),
         );
         assert!(matches!(failed, Err(NoOutcome::Scene(_))));
     }
@@ -364,7 +359,7 @@ fn a_process_that_failed_is_replaced_and_one_that_drove_is_kept() {
 fn no_label_comes_from_whoever_stands_in_for_a_planner() {
     let scene = crossing(3, 5, 91);
     let ego = Policy::Command(Digest::of_bytes(b"mine"));
-    let own = Backend::Own.rollout(&plant(&scene), &Intervention::default(), &ego, (Seed(1), ProgramContext::Plain));
+    let own = Backend::Own.rollout(&plant(&scene), &Intervention::default(), &ego, DriveContext::plain(Seed(1)));
     assert!(matches!(own, Err(NoOutcome::Stop(BackendError::Unplayable(_)))), "{own:?}");
     // Beside a planner, other egos drive as usual, and no planner is asked.
     let options = options(0.0);
@@ -372,7 +367,7 @@ fn no_label_comes_from_whoever_stands_in_for_a_planner() {
     let (planners, backend) = (Planners::new(&options, &nobody), options.backend(&SimulatorOptions::SHIPPED).unwrap());
     let behind = Backend::Other { options: &backend, answers: &planners };
     let idm =
-        behind.rollout(&plant(&scene), &intercept(&scene, 5), &Policy::Idm, (Seed(1), ProgramContext::Plain)).unwrap();
+        behind.rollout(&plant(&scene), &intercept(&scene, 5), &Policy::Idm, DriveContext::plain(Seed(1))).unwrap();
     let plainly = rollout_assessed(&plant(&scene), &intercept(&scene, 5), Policy::Idm.driver().as_mut()).unwrap();
     assert_eq!((idm, nobody.1.load(Ordering::SeqCst)), (plainly, 0));
 }
@@ -466,7 +461,7 @@ fn several_processes_drive_at_once_and_no_more_than_may() {
                     &plant(&crossing(*seed, 3, 91)),
                     &Intervention::default(),
                     &options.policy().unwrap(),
-                    (Seed(1), ProgramContext::Plain),
+                    DriveContext::plain(Seed(1)),
                 )
                 .unwrap()
         });

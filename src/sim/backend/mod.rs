@@ -32,7 +32,7 @@ pub use request::{Answers, PROTOCOL, Request};
 pub use rollouts::Backend;
 pub use serve::{Served, hello, serve};
 pub use spec::{BackendOptions, PlanAround, WorkerOptions};
-pub use under::ProgramContext;
+pub use under::{DriveContext, ProgramContext};
 pub use workers::{Broken, Line, Start, Workers};
 
 #[cfg(test)]

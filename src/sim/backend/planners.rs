@@ -124,29 +124,23 @@ impl<'a> Planners<'a> {
         is_new: bool,
     ) -> Result<(), NoOutcome> {
         let second = self.play(other, request)?;
-        if let Some(difference) = difference(first, &second) {
+        if let Some((expected, found)) = difference(first, &second) {
             let place = "played again in another process";
-            return Err(self.differs(request, difference, place, format!(
+            return Err(self.differs(request, expected, found, place, format!(
                 "make the planner a function of what it is told, the same in every process: seed its random numbers at `begin`, \
                  keep nothing from one rollout to the next, and let nothing hang on the order of a set or on hash() of a text, \
                  which Python salts anew in every process ({HASH_SALT} was {SALT} and {OTHER_SALT}): sort, or use hashlib"
             )));
         }
-        if is_new && let Some(difference) = difference(&second, &self.play(other, request)?) {
+        if is_new && let Some((expected, found)) = difference(&second, &self.play(other, request)?) {
             let remedy = "make the planner a function of what it is told: seed its random numbers at `begin`, and keep nothing \
                           from one rollout to the next";
-            return Err(self.differs(request, difference, "played twice in one process", remedy.into()));
+            return Err(self.differs(request, expected, found, "played twice in one process", remedy.into()));
         }
         Ok(())
     }
 
-    fn differs(
-        &self,
-        request: &Request<'_>,
-        (expected, found): (String, String),
-        how: &str,
-        remedy: String,
-    ) -> NoOutcome {
+    fn differs(&self, request: &Request<'_>, expected: String, found: String, how: &str, remedy: String) -> NoOutcome {
         NoOutcome::Stop(BackendError::planner(Fault {
             command: self.command(),
             place: format!("scene {}, {how}", request.scene()),

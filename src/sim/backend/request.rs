@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::answer::Answer;
 use super::error::BackendError;
 use super::spec::BackendOptions;
-use super::under::ProgramContext;
+use super::under::{DriveContext, ProgramContext};
 use crate::ego::Policy;
 use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::scene::{AgentKind, Sample, Scene};
@@ -72,7 +72,7 @@ impl<'a> Request<'a> {
         plant: &'a Plant,
         intervention: &'a Intervention,
         ego: &'a Policy,
-        (seed, under): (Seed, ProgramContext),
+        DriveContext { seed, under }: DriveContext,
     ) -> Result<Request<'a>, CanonError> {
         let asked = (plant.scene().digest(), ego.digest(), seed, intervention);
         // Programs that command the same motion share a rollout, unless the driver is told which of them it is.

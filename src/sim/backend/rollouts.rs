@@ -5,9 +5,8 @@ use super::error::{BackendError, NoOutcome};
 use super::lower::{as_driven, lowered, unstaged};
 use super::request::{Answers, Request};
 use super::spec::BackendOptions;
-use super::under::ProgramContext;
+use super::under::DriveContext;
 use crate::ego::Policy;
-use crate::kernel::Seed;
 use crate::sim::{
     Intervention, Outcome, Plant, ReportedError, ReportedRollout, Timeline, Trace, assess, judge, reported_timeline,
     retraced, rollout_assessed, rollout_explained, rollout_traced,
@@ -36,17 +35,17 @@ impl Backend<'_> {
         }
     }
 
-    /// Returns the outcome of one rollout, its contact assessed. [`ProgramContext`] names the program, for planners that ask for it.
+    /// Returns the outcome of one rollout, its contact assessed.
     pub fn rollout(
         &self,
         plant: &Plant,
         intervention: &Intervention,
         ego: &Policy,
-        drawn: (Seed, ProgramContext),
+        context: DriveContext,
     ) -> Result<Outcome, NoOutcome> {
         match self.asked(ego)? {
             Backend::Own => Ok(rollout_assessed(plant, intervention, ego.driver().as_mut())?),
-            Backend::Other { .. } => self.traced(plant, intervention, ego, drawn).map(|(outcome, _)| outcome),
+            Backend::Other { .. } => self.traced(plant, intervention, ego, context).map(|(outcome, _)| outcome),
         }
     }
 
@@ -56,7 +55,7 @@ impl Backend<'_> {
         plant: &Plant,
         intervention: &Intervention,
         ego: &Policy,
-        drawn: (Seed, ProgramContext),
+        context: DriveContext,
     ) -> Result<(Outcome, Trace), NoOutcome> {
         let Backend::Other { options, answers } = self.asked(ego)? else {
             let mut driver = ego.driver();
@@ -64,7 +63,7 @@ impl Backend<'_> {
             assess(plant, intervention, driver.as_mut(), &mut outcome)?;
             return Ok((outcome, trace));
         };
-        asked_of(options, answers, (plant, intervention, ego, drawn), judged)
+        asked_of(options, answers, plant, intervention, ego, context, judged)
     }
 
     /// Returns the outcome with its motion, and the time line of its contact, if it has one.
@@ -73,15 +72,15 @@ impl Backend<'_> {
         plant: &Plant,
         intervention: &Intervention,
         ego: &Policy,
-        drawn: (Seed, ProgramContext),
+        context: DriveContext,
     ) -> Result<(Outcome, Trace, Option<Timeline>), NoOutcome> {
         let Backend::Other { options, answers } = self.asked(ego)? else {
             return Ok(rollout_explained(plant, intervention, ego.driver().as_mut())?);
         };
-        asked_of(options, answers, (plant, intervention, ego, drawn), |request, rollout| {
+        asked_of(options, answers, plant, intervention, ego, context, |request, rollout| {
             let (outcome, motion) = judged(request, rollout)?;
             let driven = as_driven(plant, request.intervention, rollout);
-            let timeline = |contact| reported_timeline(plant, &driven, rollout, (request.replays, contact));
+            let timeline = |contact| reported_timeline(plant, &driven, rollout, request.replays, contact);
             let timeline = outcome.contact.as_ref().map(timeline).transpose();
             Ok((outcome, motion, timeline.map_err(|error| untrue(request, &error))?))
         })
@@ -92,7 +91,10 @@ impl Backend<'_> {
 fn asked_of<T>(
     options: &BackendOptions,
     answers: &dyn Answers,
-    (plant, intervention, ego, drawn): (&Plant, &Intervention, &Policy, (Seed, ProgramContext)),
+    plant: &Plant,
+    intervention: &Intervention,
+    ego: &Policy,
+    context: DriveContext,
     then: impl FnOnce(&Request<'_>, &ReportedRollout) -> Result<T, NoOutcome>,
 ) -> Result<T, NoOutcome> {
     // Reacting adversaries meet a planner as they are. Another simulator lacks their rules and is told their motion.
@@ -102,7 +104,7 @@ fn asked_of<T>(
     } else {
         lowered(plant, intervention, ego)?
     };
-    let request = Request::new(options, plant, &intervention, ego, drawn).map_err(BackendError::Key)?;
+    let request = Request::new(options, plant, &intervention, ego, context).map_err(BackendError::Key)?;
     match answers.answer(&request)? {
         Answer::Failed(reason) => Err(NoOutcome::Scene(reason)),
         Answer::ReportedRollout(rollout) => {

@@ -88,7 +88,7 @@ fn rollout(options: &BackendOptions, start: &dyn Start, scene: &Scene) -> Result
         &plant(scene, PlantOptions::PHYSICAL),
         &intercept(scene, 5),
         &Policy::Idm,
-        (Seed(1), ProgramContext::Plain),
+        DriveContext::plain(Seed(1)),
     )
 }
 
@@ -105,7 +105,7 @@ fn our_own_simulator_behind_the_protocol_gives_its_own_outcomes_bit_for_bit() {
         let (options, plant) = (own(name, 0), plant(&scene, law));
         let answers = Asking(Workers::new(&options, &start));
         let backend = Backend::Other { options: &options, answers: &answers };
-        let behind = backend.rollout(&plant, &act, &policy, (Seed(1), ProgramContext::Plain)).unwrap();
+        let behind = backend.rollout(&plant, &act, &policy, DriveContext::plain(Seed(1))).unwrap();
         let before = rollout_assessed(&plant, &act, policy.driver().as_mut()).unwrap();
         assert_eq!(behind, before, "seed {seed}");
         contacts += usize::from(before.contact.is_some());
@@ -142,8 +142,8 @@ fn a_worker_is_replaced_after_as_many_rollouts_as_declared() {
             for seed in 0..7 {
                 let scene = crossing(seed, 5, 91);
                 let plant = plant(&scene, PlantOptions::PHYSICAL);
-                let drawn = (Seed(1), ProgramContext::Plain);
-                backend.rollout(&plant, &Intervention::default(), &Policy::Idm, drawn).unwrap();
+                let context = DriveContext::plain(Seed(1));
+                backend.rollout(&plant, &Intervention::default(), &Policy::Idm, context).unwrap();
             }
         }
         start.1.into_inner().unwrap()
@@ -155,7 +155,7 @@ fn a_worker_is_replaced_after_as_many_rollouts_as_declared() {
 fn served(change: impl FnOnce(&mut serde_json::Value)) -> serde_json::Value {
     let scene = crossing(4, 12, 91);
     let (plant, act, options) = (plant(&scene, PlantOptions::PHYSICAL), intercept(&scene, 5), own("physical", 0));
-    let request = Request::new(&options, &plant, &act, &Policy::Idm, (Seed(1), ProgramContext::Plain)).unwrap();
+    let request = Request::new(&options, &plant, &act, &Policy::Idm, DriveContext::plain(Seed(1))).unwrap();
     let mut line = serde_json::from_str(&request.line()).unwrap();
     change(&mut line);
     serde_json::from_slice(&serve(line.to_string().as_bytes()).unwrap()).unwrap()
@@ -289,7 +289,7 @@ fn a_crash_is_repaired_by_a_new_worker_and_fails_the_scene_in_the_end() {
 /// A cassette with one recorded rollout, and its request's key.
 fn recorded(options: &BackendOptions, scene: &Scene) -> (RolloutCassette, Digest) {
     let (plant, act) = (plant(scene, PlantOptions::PHYSICAL), intercept(scene, 5));
-    let request = Request::new(options, &plant, &act, &Policy::Idm, (Seed(1), ProgramContext::Plain)).unwrap();
+    let request = Request::new(options, &plant, &act, &Policy::Idm, DriveContext::plain(Seed(1))).unwrap();
     let start = Fake(|line: &str, _| honest(line), Mutex::new(0));
     let answer = Workers::new(options, &start).ask(&request).unwrap();
     let mut cassette = RolloutCassette::new("file", Header::of(options));
@@ -328,9 +328,9 @@ fn a_replay_asks_nobody_and_a_miss_says_what_would_record_it() {
     let replay = Replay::new(cassette, "evodrive record mine.toml");
     let backend = Backend::Other { options: &options, answers: &replay };
     let (plant, act) = (plant(&scene, PlantOptions::PHYSICAL), intercept(&scene, 5));
-    let replayed = backend.rollout(&plant, &act, &Policy::Idm, (Seed(1), ProgramContext::Plain)).unwrap();
+    let replayed = backend.rollout(&plant, &act, &Policy::Idm, DriveContext::plain(Seed(1))).unwrap();
     assert_eq!(replayed, rollout_assessed(&plant, &act, Policy::Idm.driver().as_mut()).unwrap());
-    let missed = backend.rollout(&plant, &intercept(&scene, 6), &Policy::Idm, (Seed(1), ProgramContext::Plain));
+    let missed = backend.rollout(&plant, &intercept(&scene, 6), &Policy::Idm, DriveContext::plain(Seed(1)));
     let Err(NoOutcome::Stop(error)) = missed else { panic!("{missed:?}") };
     for part in [scene.id.as_str(), "ego idm", "1 adversaries", "1 of them of this scene", "evodrive record mine.toml"]
     {
@@ -343,7 +343,7 @@ fn the_key_holds_what_can_change_an_answer_and_nothing_else() {
     let scene = crossing(3, 8, 91);
     let (plant, act) = (plant(&scene, PlantOptions::PHYSICAL), intercept(&scene, 5));
     let key = |options: &BackendOptions, seed: u64| {
-        Request::new(options, &plant, &act, &Policy::Idm, (Seed(seed), ProgramContext::Plain)).unwrap().key
+        Request::new(options, &plant, &act, &Policy::Idm, DriveContext::plain(Seed(seed))).unwrap().key
     };
     let options = own("physical", 0);
     let changed = |change: &dyn Fn(&mut BackendOptions)| {

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::kernel::Digest;
+use crate::kernel::{Digest, Seed};
 
 /// The program that moves others in a rollout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -20,5 +20,21 @@ impl ProgramContext {
     /// A program by its hash, and whether a lineage starts with it.
     pub fn program(program: Digest, is_parent: bool) -> ProgramContext {
         if is_parent { ProgramContext::Parent { program } } else { ProgramContext::Program { program } }
+    }
+}
+
+/// What a planner or another simulator may go by beside a scene and its commands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DriveContext {
+    /// The seed of the run.
+    pub seed: Seed,
+    /// The program behind the commands, for planners that ask for it.
+    pub under: ProgramContext,
+}
+
+impl DriveContext {
+    /// The context of a scene without a program.
+    pub fn plain(seed: Seed) -> DriveContext {
+        DriveContext { seed, under: ProgramContext::Plain }
     }
 }

@@ -51,7 +51,8 @@ pub fn promote(
     front: &[Contender],
     parents: &[Contender],
     accepted: &[Contender],
-    (reference, must_act): ([f64; 2], bool),
+    reference: [f64; 2],
+    must_act: bool,
 ) -> Option<Leaders> {
     let acting = |of: &[Contender]| {
         of.iter().filter(|contender| contender.coverage > 0.0 || !must_act).cloned().collect::<Vec<_>>()
@@ -119,7 +120,7 @@ mod tests {
         accepted: &[(&str, [f64; 2])],
     ) -> Option<(String, Option<String>)> {
         let parents = contenders(&[("parent", parent)]);
-        let found = promote(rule, &parents, &parents, &contenders(accepted), ([0.0; 2], true))?;
+        let found = promote(rule, &parents, &parents, &contenders(accepted), [0.0; 2], true)?;
         Some((found.active.0, found.realism_anchor.map(|anchor| anchor.0)))
     }
 
@@ -181,14 +182,14 @@ mod tests {
             let parents = contenders(&[("parent", [0.5, 0.9])]);
             let mut null = contenders(&[("null", [0.6, 1.0])]);
             null[0].coverage = 0.0;
-            let led = promote(rule, &parents, &parents, &null, ([0.0; 2], true));
+            let led = promote(rule, &parents, &parents, &null, [0.0; 2], true);
             assert!(
                 led.is_none_or(
                     |led| led.active.as_str() == "parent" && led.realism_anchor.is_none_or(|a| a == led.active)
                 ),
                 "{rule:?}"
             );
-            let led = promote(rule, &parents, &parents, &null, ([0.0; 2], false)).unwrap();
+            let led = promote(rule, &parents, &parents, &null, [0.0; 2], false).unwrap();
             assert_eq!(led.active.as_str(), "null", "{rule:?}, where acting is not asked for");
         }
     }

@@ -227,7 +227,7 @@ fn a_pair_has_the_scene_s_own_numbers_the_ego_s_the_tags_and_what_was_missed() {
     let (features, log) = (SceneFeatures::of(&scene, &LaneGraph::of(&scene.road)), Interaction::of(&scene));
     let seen = |id: &'static str, open| SceneView { id, features: &features, interaction: &log, open };
     let scenes = [seen("s", true), seen("t", false), seen("unlabelled", true)];
-    let row = pair_row(&schema, &view, ("learned", None), &scenes).unwrap();
+    let row = pair_row(&schema, &view, "learned", None, &scenes).unwrap();
     assert_eq!((row.pairs.len(), row.mechanism_class.as_str()), (3, "a+b"));
     assert!(row.pairs.iter().all(|pair| pair.features.len() == schema.columns.len()));
     let at =
@@ -263,7 +263,7 @@ fn a_pair_has_the_scene_s_own_numbers_the_ego_s_the_tags_and_what_was_missed() {
             missed: groups.into(),
         }),
     };
-    let known = pair_row(&schema, &view, ("idm", Some(&fit)), &scenes).unwrap();
+    let known = pair_row(&schema, &view, "idm", Some(&fit), &scenes).unwrap();
     let of = |name: &str| known.pairs[0].features[at(name)];
     assert_eq!(
         (of("missed_family_attack"), of("missed_family_labels"), of("missed_mechanism_attack")),

@@ -85,7 +85,7 @@ pub fn held<'a>(
 ) -> Result<Vec<Held<'a>>, RouterError> {
     validate(configuration, judging.schema)?;
     let epochs: Vec<u32> = (0..judging.before).collect();
-    let held = threads.map(&epochs, |_, &epoch| held_of(judging, configuration, evidence, (epoch, threads)));
+    let held = threads.map(&epochs, |_, &epoch| held_of(judging, configuration, evidence, epoch, threads));
     Ok(held.into_iter().collect::<Result<Vec<_>, RouterError>>()?.into_iter().flatten().collect())
 }
 
@@ -94,7 +94,8 @@ fn held_of<'a>(
     judging: &Judging<'_>,
     configuration: &WorldConfiguration,
     evidence: &[Evidence<'a>],
-    (epoch, threads): (u32, &Threads),
+    epoch: u32,
+    threads: &Threads,
 ) -> Result<Vec<Held<'a>>, RouterError> {
     let earlier: Vec<&WorldLabel> = evidence.iter().map(|e| e.label).filter(|label| label.epoch < epoch).collect();
     let mut own = evidence.iter().filter(|evidence| evidence.label.epoch == epoch).peekable();

@@ -71,7 +71,8 @@ pub fn schema_of(configuration: &WorldConfiguration, families: &[FamilyName], eg
 pub fn pair_row(
     schema: &FeatureSchema,
     candidate: &CandidateView<'_>,
-    (ego, fit): (&str, Option<&WorldFit>),
+    ego: &str,
+    fit: Option<&WorldFit>,
     scenes: &[SceneView<'_>],
 ) -> Result<WorldRow, FeatureError> {
     let family = candidate.program.source_family.clone();

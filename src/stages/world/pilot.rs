@@ -3,6 +3,7 @@
 //! Successive halving (Jamieson and Talwalkar, 2016) with two rungs: everybody is simulated in a few scenes, the best by rank on
 //! the whole window. What a pilot shows decides who is simulated, and nothing else: acceptance rests on the whole window.
 
+use super::verdict::Prediction;
 use crate::kernel::Seed;
 use crate::objects::{LineageId, Objectives, Pilot, PilotOptions, WorldConfiguration};
 
@@ -24,7 +25,7 @@ pub fn pilot_places(order: &[usize], open: &[bool], options: &PilotOptions) -> V
 /// Returns the rank score of a candidate after its pilot. The predicted difference of an open scene counts as `prior_scenes`
 /// scenes beside those that were seen, and what is not known of it shrinks accordingly. `None` where nothing was seen.
 pub(super) fn rank_score(
-    (difference, half_width): (&Objectives, Option<&Objectives>),
+    prediction: &Prediction,
     open_share: f64,
     pilot: &Pilot,
     options: &PilotOptions,
@@ -35,7 +36,7 @@ pub(super) fn rank_score(
     if open_share <= 0.0 || seen <= 0.0 {
         return None;
     }
-    let mixed = (prior * gain(difference) + seen * open_share * gain(&pilot.difference)) / (prior + seen);
+    let mixed = (prior * gain(&prediction.difference) + seen * open_share * gain(&pilot.difference)) / (prior + seen);
     let unknown = (prior / (prior + seen)).sqrt();
-    Some(mixed + configuration.explore * unknown * half_width.map_or(0.0, gain))
+    Some(mixed + configuration.explore * unknown * prediction.half_width.as_ref().map_or(0.0, gain))
 }

@@ -126,11 +126,10 @@ impl<'s> Router<'s> {
     /// A prediction that counts what a pilot showed when candidates are ranked; `open_share` is that of the candidate's row.
     pub fn after_pilot(&self, prediction: Prediction, open_share: f64, pilot: &Pilot) -> Prediction {
         let configuration = &self.snapshot.configuration;
-        let known = (&prediction.difference, prediction.half_width.as_ref());
         let ranked = configuration
             .routing
             .pilot
-            .and_then(|options| pilot::rank_score(known, open_share, pilot, &options, configuration));
+            .and_then(|options| pilot::rank_score(&prediction, open_share, pilot, &options, configuration));
         Prediction { rank_score: ranked.unwrap_or(prediction.rank_score), ..prediction }
     }
 }

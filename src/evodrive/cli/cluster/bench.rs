@@ -101,7 +101,7 @@ fn sim(options: &SimOptions, jobs: usize) -> Result<Answer, Failure> {
     let median = num::quantile(&seconds, 0.5).unwrap_or(f64::NAN);
     let rate = |count: usize| count as f64 / median;
     let observed =
-        if options.observe { observed(&stages, &ego, (median, steps), options.repeats, &threads)? } else { vec![] };
+        if options.observe { observed(&stages, &ego, median, steps, options.repeats, &threads)? } else { vec![] };
     let split = Split::of(&stages, &ego, seconds.len()).map_err(Failure::internal)?;
     let text = format!(
         "{} scenes, {} threads, median of {} rounds\nrollouts/s     {:>14.0}\nsteps/s        {:>14.0}\nagent-steps/s  {:>14.0}\n\
@@ -134,7 +134,8 @@ fn sim(options: &SimOptions, jobs: usize) -> Result<Answer, Failure> {
 fn observed(
     stages: &[(Situation, Intervention)],
     ego: &Policy,
-    (plain_seconds, steps): (f64, u64),
+    plain_seconds: f64,
+    steps: u64,
     repeats: usize,
     threads: &Threads,
 ) -> Result<Vec<Cost>, Failure> {

@@ -38,11 +38,14 @@ pub fn whole(record: bool, anywhere: bool) -> Whole {
 /// Shards of the lineages that a plan asked for, with what the run has on record for them.
 pub fn shards(
     wanted: &Wanted,
-    (study, needs): (&StudyMark, &[Need]),
-    (recorded, asks): (&Cassette, bool),
-    (tools, store): (&Tools<'_>, &Store),
+    needs: &[Need],
+    recorded: &Cassette,
+    asks: bool,
+    tools: &Tools<'_>,
+    store: &Store,
     own: &epoch::Study,
 ) -> Result<Vec<(String, Shard)>, Failure> {
+    let study = StudyMark::of(own);
     let shard = |walk: LineageJob| {
         let mut records = Vec::new();
         for (kind, key) in epoch::known(own, &walk, tools)? {
@@ -97,7 +100,8 @@ impl Bench<'_> {
         &self,
         shard: &Shard,
         lineage: &Lineage,
-        (store, log): (&Store, &Path),
+        store: &Store,
+        log: &Path,
     ) -> Result<(OnTheWay, Vec<TaskResult>), Failure> {
         let noted = Wanted::default();
         // In the store: what a killed try was answered is not asked again.

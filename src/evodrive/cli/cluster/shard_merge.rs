@@ -77,7 +77,7 @@ fn merge(options: &MergeOptions, target: &Target) -> Result<Answer, Failure> {
         cassette.save(&folder.rollouts(), &name)?;
         progress(format!("{} in {}", counted(cassette.len(), "rollout"), path.display()));
     }
-    Ok(answer(merged, (checked, asked), &named.display().to_string()))
+    Ok(answer(merged, checked, asked, &named.display().to_string()))
 }
 
 /// Answers that workers got of a model are this recording's: `evodrive record` asks nobody for them.
@@ -97,7 +97,7 @@ fn keep_asked(merged: &mut Merged, folder: &RunFolder) -> Result<usize, Failure>
     Ok(asked.len())
 }
 
-fn answer(merged: Merged, (checked, asked): (Option<usize>, usize), named: &str) -> Answer {
+fn answer(merged: Merged, checked: Option<usize>, asked: usize, named: &str) -> Answer {
     let Merged { results, records, known, no_label, answers, refused, .. } = merged;
     let reasons: Vec<String> = refused.iter().map(|(_, error)| error.to_string()).collect();
     let files: Vec<&PathBuf> = refused.iter().map(|(file, _)| file).collect();

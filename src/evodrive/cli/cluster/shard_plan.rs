@@ -100,10 +100,9 @@ fn planned(options: &PlanOptions, target: &Target) -> Result<Answer, Failure> {
     let complete = complete?;
     // If models were asked, the answers to this walk's own questions travel.
     let recorded = asked.as_ref().map(|asked| asked.to_cassette("plan")).transpose()?.unwrap_or(recorded);
-    let lineages =
-        shard_lineage::shards(&wanted, (&mark, &needs), (&recorded, asks), (&tools(), &held.objects), &study)?;
+    let lineages = shard_lineage::shards(&wanted, &needs, &recorded, asks, &tools(), &held.objects, &study)?;
     let (tasks, programs) = wanted.into_tasks();
-    let planned = Planned::write(folder, (&mark, &needs), lineages, (tasks, &programs), options.size)?;
+    let planned = Planned::write(folder, &mark, &needs, lineages, tasks, &programs, options.size)?;
     Ok(planned.answer(folder, &named.display().to_string(), complete))
 }
 
@@ -143,9 +142,11 @@ impl Planned {
     /// Writes shards for the tasks that no earlier shard holds.
     fn write(
         folder: &RunFolder,
-        (mark, needs): (&StudyMark, &[Need]),
+        mark: &StudyMark,
+        needs: &[Need],
         whole: Vec<(String, Shard)>,
-        (mut tasks, programs): (BTreeMap<Digest, Task>, &BTreeMap<Digest, Program>),
+        mut tasks: BTreeMap<Digest, Task>,
+        programs: &BTreeMap<Digest, Program>,
         size: usize,
     ) -> Result<Planned, Failure> {
         let count = |kind: fn(&Task) -> bool| tasks.values().filter(|task| kind(task)).count();
@@ -162,11 +163,11 @@ impl Planned {
                 continue;
             }
             let held = shard.tasks.iter().filter(|(key, _)| tasks.remove(key).is_some()).count();
-            match path.with_extension(&RESULT_ENDING[1..]).exists() {
-                true => unmerged += held,
-                // Other results brought what it holds.
-                false if held == 0 => {}
-                false => drop(to_do.insert(path, of_tasks(&shard))),
+            if path.with_extension(&RESULT_ENDING[1..]).exists() {
+                unmerged += held;
+            } else if held > 0 {
+                // What a shard without such tasks holds was brought by other results.
+                to_do.insert(path, of_tasks(&shard));
             }
         }
         let pieces = split(mark, tasks, programs, needs, size).map(|shard| (of_tasks(&shard), shard));

@@ -55,7 +55,7 @@ pub fn run(options: &WorkOptions, jobs: usize) -> Result<Answer, Failure> {
         if result.exists() && ResultFile::load(&result, &site.mark, &known).is_ok() {
             progress(format!("is done already: {}", result.display()));
         } else {
-            let results = site.work(&shard, digest, &result, (&threads, options.open.map(usize::from)))?;
+            let results = site.work(&shard, digest, &result, &threads, options.open.map(usize::from))?;
             without_label += results.iter().filter(|result| matches!(result.came, TaskOutcome::NoLabel(_))).count();
             tasks += results.len();
             progress(format!("done: {}", result.display()));
@@ -109,7 +109,8 @@ impl Site {
         shard: &Shard,
         digest: Digest,
         result: &Path,
-        (threads, open): (&Threads, Option<usize>),
+        threads: &Threads,
+        open: Option<usize>,
     ) -> Result<Vec<TaskResult>, Failure> {
         let scratch = result.with_file_name(format!(".{}.work", digest.short(16)));
         // The work of a killed try is continued, and a folder of somebody else is not touched.
@@ -136,7 +137,7 @@ impl Site {
                 if answers.is_none() {
                     shard_lineage::remember(lineage, &store)?;
                 }
-                let (way, results) = here.go(shard, lineage, (&store, &scratch.join("walk.jsonl")))?;
+                let (way, results) = here.go(shard, lineage, &store, &scratch.join("walk.jsonl"))?;
                 (Some(way), results)
             }
             None => {

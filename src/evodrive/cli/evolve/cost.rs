@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::cli::records::folder::RunFolder;
 use crate::cli::terminal::{answer::progress, exit::Failure};
-use crate::epoch::{Study, Tools};
+use crate::epoch::{RolloutCounts, Study, Tools};
 use crate::evidence::aligned::Aligned;
 use crate::objects::{
     FamilyName, LineageId,
@@ -29,7 +29,7 @@ pub fn clock() -> impl Fn() -> Duration + Sync {
 /// Returns the cost that the meter found, with the study's lineages in order.
 pub fn of(study: &Study, tools: &Tools<'_>) -> RunCost {
     let spent: BTreeMap<LineageId, Work> = tools.meter.lineages();
-    let (reused, simulated) = tools.rollouts.counts();
+    let RolloutCounts { reused, simulated } = tools.rollouts.counts();
     let cost = |spec: &crate::epoch::LineageSpec| LineageCost {
         lineage: spec.id.clone(),
         family: spec.family.clone(),

@@ -16,10 +16,11 @@ use crate::scene::Pool;
 /// Advice of a message where a cassette would be lost.
 const REMEDY: &str = "name another cassette (in the file, or by --cassette FILE), or add --overwrite to replace it";
 
-/// A cassette before a recording, with the exchanges that must be there afterwards.
+/// What a recording finds: answers that need not be asked again, and the exchanges that its cassette must have afterwards.
 pub struct Held<'a> {
     path: &'a Path,
     exchanges: BTreeSet<Digest>,
+    pub cassette: Cassette,
 }
 
 impl<'a> Held<'a> {
@@ -28,14 +29,10 @@ impl<'a> Held<'a> {
     ///
     /// # Errors
     /// A cassette of other lineages, of another version or of other scenes; one that cannot be read and would be continued.
-    pub fn before(
-        recording: &'a Recording,
-        experiment: &Experiment,
-        scenes: &Pool,
-    ) -> Result<(Held<'a>, Cassette), Failure> {
+    pub fn before(recording: &'a Recording, experiment: &Experiment, scenes: &Pool) -> Result<Held<'a>, Failure> {
         let Recording { fresh, overwrite, .. } = *recording;
         let path = recording.cassette.as_path();
-        let nothing = || (Held { path, exchanges: BTreeSet::new() }, Cassette::new(path.display().to_string()));
+        let nothing = || Held { path, exchanges: BTreeSet::new(), cassette: Cassette::new(path.display().to_string()) };
         if !path.exists() || fresh && overwrite {
             return Ok(nothing());
         }
@@ -46,7 +43,7 @@ impl<'a> Held<'a> {
             Err(error) => return Err(error.into()),
         };
         if overwrite {
-            return Ok((nothing().0, there));
+            return Ok(Held { cassette: there, ..nothing() });
         }
         if let Some(found) = foreign(&there, experiment) {
             let place = path.display();
@@ -60,7 +57,7 @@ impl<'a> Held<'a> {
             return Ok(nothing());
         }
         let exchanges = there.exchanges().iter().map(|of| of.key).collect();
-        Ok((Held { path, exchanges }, there))
+        Ok(Held { path, exchanges, cassette: there })
     }
 
     /// Refuses to lose answers that this recording did not ask for: they belong to another experiment or to other scenes.

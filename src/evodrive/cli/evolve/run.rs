@@ -19,7 +19,7 @@ use crate::cli::terminal::moving_line::{Heard, MovingLine};
 use crate::cli::terminal::result_text::{self, Summary};
 use crate::cli::terminal::typed::{instead, resume_command};
 use crate::cli::terminal::width::{stderr_width, table_width};
-use crate::epoch::{self, Desk, Meter, Mode, Progress, Rollouts, Study, Tools};
+use crate::epoch::{self, Desk, Meter, Mode, Progress, RolloutCounts, Rollouts, Study, Tools};
 use crate::evidence::choice::Choice;
 use crate::evidence::realism::LineageRealisms;
 use crate::evidence::tables::LineagePreventable;
@@ -52,7 +52,9 @@ pub fn run(args: &RunArgs, jobs: usize) -> Result<Answer, Failure> {
     let ran = replayed(
         job,
         &held,
-        (&path, Replay::new(cassette, remedy), rollouts),
+        &path,
+        Replay::new(cassette, remedy),
+        rollouts,
         &interrupt,
         RunMode::Replay { report: !args.no_report },
     );
@@ -63,7 +65,9 @@ pub fn run(args: &RunArgs, jobs: usize) -> Result<Answer, Failure> {
 fn replayed(
     job: Job,
     Held { folder, objects, .. }: &Held,
-    (path, replay, rollouts): (&Path, Replay, Option<RecordedRollouts>),
+    path: &Path,
+    replay: Replay,
+    rollouts: Option<RecordedRollouts>,
     interrupt: &Interrupt,
     way: RunMode,
 ) -> Result<Answer, Failure> {
@@ -176,9 +180,11 @@ pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
     let recorded = carry_out_recording(
         job,
         &held,
-        (&recording, before),
+        &recording,
+        before,
         &interrupt,
-        (RunMode::Record { report: !args.run.no_report }, args.open),
+        RunMode::Record { report: !args.run.no_report },
+        args.open,
     );
     let recorded = recorded.map_err(|failure| repair(failure, &interrupt, &instead("record", "record", None)));
     // Answers were paid for: a folder that holds some stays.
@@ -189,9 +195,11 @@ pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
 fn carry_out_recording(
     job: Job,
     Held { folder, objects, .. }: &Held,
-    (recording, (there, before)): (&Recording, (overwriting::Held<'_>, Cassette)),
+    recording: &Recording,
+    mut before: overwriting::Held<'_>,
     interrupt: &Interrupt,
-    (way, open): (RunMode, Option<u16>),
+    way: RunMode,
+    open: Option<u16>,
 ) -> Result<Answer, Failure> {
     let path = &recording.cassette;
     let answers = open_store(&folder.recording())?;
@@ -203,13 +211,14 @@ fn carry_out_recording(
         RecordMode::Missing => None,
     };
     let models = models::askable(&job.experiment, folder, fresh.as_deref(), interrupt)?;
-    let recorder = Record::new(&answers, before, mode, models).telling(&|line| progress(line));
+    let recorder =
+        Record::new(&answers, std::mem::take(&mut before.cassette), mode, models).telling(&|line| progress(line));
     let name = job.experiment.name.clone();
     let (backend, driver) = (job.experiment.simulator.backend.clone(), job.experiment.driver.clone());
     let processes = Processes::until(interrupt).kept_in(folder.processes());
     let rollouts = match (&backend, &recording.rollouts) {
         (Some(options), Some(path)) => {
-            Some(rollout_recorder((options, driver.as_ref()), path, recording.fresh, (&answers, &processes))?)
+            Some(rollout_recorder(options, driver.as_ref(), path, recording.fresh, &answers, &processes)?)
         }
         _ => None,
     };
@@ -220,7 +229,7 @@ fn carry_out_recording(
     // The report comes after the cassette: no drawing may keep the answers from being saved.
     let cassette = recorder.into_cassette(&name, &[])?;
     cassette.save(&folder.cassette(), &name)?;
-    there.lost(&cassette, folder)?;
+    before.lost(&cassette, folder)?;
     cassette.save(path, &name)?;
     store::copy(path, &folder.cassette())?;
     progress(format!("recorded {} in {}", counted(cassette.exchanges().len(), "exchange"), path.display()));
@@ -245,10 +254,12 @@ fn repair(mut failure: Failure, interrupt: &Interrupt, record: &str) -> Failure 
 }
 
 fn rollout_recorder<'a>(
-    (options, driver): (&'a BackendOptions, Option<&'a DriverOptions>),
+    options: &'a BackendOptions,
+    driver: Option<&'a DriverOptions>,
     path: &Path,
     fresh: bool,
-    (answers, processes): (&'a Store, &'a Processes),
+    answers: &'a Store,
+    processes: &'a Processes,
 ) -> Result<Recorder<'a>, Failure> {
     let name = if fresh { before_fresh(path)? } else { String::new() };
     let before = behind::recorded(options, path, fresh)?;
@@ -325,13 +336,8 @@ pub fn resume(args: &ResumeArgs, jobs: usize) -> Result<Answer, Failure> {
             let before = overwriting::Held::before(&recording, &job.experiment, &job.scenes)?;
             let interrupt = Interrupt::listen()?;
             let way = RunMode::Record { report: true };
-            let recorded = carry_out_recording(
-                job,
-                &Held::of(folder.clone())?,
-                (&recording, before),
-                &interrupt,
-                (way, args.open),
-            );
+            let recorded =
+                carry_out_recording(job, &Held::of(folder.clone())?, &recording, before, &interrupt, way, args.open);
             recorded.map_err(|failure| repair(failure, &interrupt, "evodrive record FILE"))
         }
         None => again(folder.clone(), jobs, RunMode::Replay { report: true }),
@@ -529,7 +535,7 @@ fn carry_out(
         store::write_atomic(&folder.result(), &text)?;
     }
     say(cost::table(&cost, stderr_width().unwrap_or(usize::MAX)));
-    let (reused, simulated) = counts;
+    let RolloutCounts { reused, simulated } = counts;
     let motion = if sources.rollouts.is_some() && sources.way.sums_up_again() {
         "; those of the planner or the other simulator were evaluated again from recorded motion, without asking it"
     } else {
@@ -596,8 +602,7 @@ struct Done {
     threads: Threads,
     result: RunResult,
     root: Digest,
-    /// Rollouts read from the store, and simulated.
-    counts: (usize, usize),
+    counts: RolloutCounts,
 }
 
 impl Done {
@@ -618,7 +623,7 @@ fn answer(
     run: &RecordedRun,
     result: &RunResult,
     root: Digest,
-    (reused, simulated): (usize, usize),
+    RolloutCounts { reused, simulated }: RolloutCounts,
 ) -> Answer {
     let choices: Vec<Choice> =
         result.lineages.iter().filter_map(|of| Choice::of(run, &of.lineage, &experiment.selector)).collect();

@@ -70,7 +70,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         None => reported(&run, &folder.read_experiment()?.selector, None),
     };
     let how = How { operations: options.operations, ego: options.ego.as_ref(), driver: options.driver.as_deref() };
-    let credits = played(&how, (&folder, &run), &programs, &threads)?;
+    let credits = played(&how, &folder, &run, &programs, &threads)?;
     if credits.is_empty() {
         let whose = lineage.map_or("every lineage's parent".to_string(), |name| format!("the parent of {name}"));
         let text = format!("the run reports {whose}: there is no edit to give credit to\n");
@@ -95,14 +95,15 @@ struct How<'a> {
 /// Returns what edits of these programs account for, by rollouts. For whole patches the run's folder keeps the result.
 fn played(
     how: &How<'_>,
-    (folder, run): (&RunFolder, &RecordedRun),
+    folder: &RunFolder,
+    run: &RecordedRun,
     programs: &[SolutionId],
     threads: &Threads,
 ) -> Result<Vec<Credit>, Failure> {
     let mut credits = Vec::new();
     for solution in programs {
         progress(format!("{solution}: playing it without each of its edits"));
-        credits.push(credit(how, (folder, run), solution, threads)?);
+        credits.push(credit(how, folder, run, solution, threads)?);
     }
     // Labels of another simulator are not made here, so these would stand beside numbers that they do not belong to.
     let belongs = || folder.read_experiment().map(|experiment| experiment.simulator.backend.is_none());
@@ -119,7 +120,7 @@ pub fn of_reported(folder: &RunFolder, run: &RecordedRun, threads: &Threads) -> 
     credits.retain(|of| programs.contains(&of.program) && knows_the_way(of));
     let is_missing = |program: &&SolutionId| credits.iter().all(|of| of.program != **program);
     let missing: Vec<SolutionId> = programs.iter().filter(is_missing).cloned().collect();
-    credits.extend(played(&How::default(), (folder, run), &missing, threads)?);
+    credits.extend(played(&How::default(), folder, run, &missing, threads)?);
     credits.sort_by_key(|of| programs.iter().position(|program| *program == of.program));
     Ok(credits)
 }
@@ -146,7 +147,7 @@ pub fn of_lineage(
     let known = |of: &Credit| of.program == *reported && knows_the_way(of);
     match kept_credit::kept(folder, run)?.into_iter().find(known) {
         Some(credit) => Ok(Some(credit)),
-        None => Ok(played(&How::default(), (folder, run), std::slice::from_ref(reported), threads)?.pop()),
+        None => Ok(played(&How::default(), folder, run, std::slice::from_ref(reported), threads)?.pop()),
     }
 }
 
@@ -231,7 +232,8 @@ impl<'r> Way<'r> {
 
 fn credit(
     how: &How<'_>,
-    (folder, run): (&RunFolder, &RecordedRun),
+    folder: &RunFolder,
+    run: &RecordedRun,
     solution: &SolutionId,
     threads: &Threads,
 ) -> Result<Credit, Failure> {
@@ -240,7 +242,7 @@ fn credit(
     let sources = families::sources_by_hand();
     let (asked, ego) = match (how.ego, how.driver, packed::own_weights(folder, &file)?) {
         (None, None, Some(learned)) => (None, learned),
-        (ego, driver, _) => applying::under_test(&file, ego, (driver, None))?,
+        (ego, driver, _) => applying::under_test(&file, ego, driver, None)?,
     };
     let planners = asked.as_ref().map(Asked::planners);
     let pool = folder.read_pool()?;

@@ -36,7 +36,7 @@ pub fn recorded(folder: &RunFolder, jobs: usize) -> Result<RecordedRun, Failure>
     let entries = threads.map(&scenes, |_, scene| SceneEntry::new(scene.clone()));
     let lineages = run.result.as_ref().map_or_else(Vec::new, |result| result.lineages.clone());
     for lineage in &lineages {
-        add(folder, &mut run, lineage, (&entries, &threads))?;
+        add(folder, &mut run, lineage, &entries, &threads)?;
     }
     Ok(run)
 }
@@ -46,7 +46,8 @@ fn add(
     folder: &RunFolder,
     run: &mut RecordedRun,
     lineage: &LineageResult,
-    (entries, threads): (&[SceneEntry], &Threads),
+    entries: &[SceneEntry],
+    threads: &Threads,
 ) -> Result<(), Failure> {
     let mut file = packed::packed_of(folder, run, lineage.evolved.solution.as_str())?;
     (file.conditions.simulator.at_fault, file.conditions.simulator.jury) = (true, true);

@@ -41,7 +41,7 @@ pub fn of(player: &Player<'_>, run: &RecordedRun, threads: &Threads) -> BTreeMap
         all.extend((0..looked_at).map(|nth| (spec, program, won[nth * won.len() / looked_at])));
         gained.insert(program.solution_id.clone(), Gained { scenes: won.len(), seen: Vec::new() });
     }
-    let seen = threads.map(&all, |_, (spec, program, place)| seen(player, run, (spec, *place), program));
+    let seen = threads.map(&all, |_, (spec, program, place)| seen(player, run, spec, *place, program));
     for ((_, program, _), seen) in all.iter().zip(seen) {
         if let Some(of) = gained.get_mut(&program.solution_id) {
             of.seen.extend(seen);
@@ -54,10 +54,11 @@ pub fn of(player: &Player<'_>, run: &RecordedRun, threads: &Threads) -> BTreeMap
 fn seen(
     player: &Player<'_>,
     run: &RecordedRun,
-    (spec, place): (&LineageSpec, usize),
+    spec: &LineageSpec,
+    place: usize,
     program: &Program,
 ) -> Option<Manoeuvre> {
-    let (Traced { record, motion, .. }, as_recorded) = traced(player, run, (spec, place), program).ok()?;
+    let (Traced { record, motion, .. }, as_recorded) = traced(player, run, spec, place, program).ok()?;
     let contact = record.outcome.contact.filter(|_| as_recorded == Some(true))?;
     manoeuvre(player.study.scenes[place].scene(), &motion, contact.with)
 }

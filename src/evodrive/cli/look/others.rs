@@ -23,7 +23,7 @@ pub fn other(own: &Side, place: &Path) -> Result<Other, Failure> {
         made.rows.push(OtherRow { search, seeds, scenes: of.scenes(), quantities: of.quantities().to_vec() });
     }
     for [first, second] in pairs.iter().filter(|_| one_attack) {
-        made.add(&own.run, (first, second), &theirs.run);
+        made.add(&own.run, first, second, &theirs.run);
     }
     Ok(made)
 }

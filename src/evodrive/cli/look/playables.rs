@@ -44,7 +44,7 @@ pub fn choose(player: &Player<'_>, run: &RecordedRun, threads: &Threads) -> Stag
         }
     }
     let played = threads.map(&all, |_, (spec, place, solution, role)| {
-        run.program(solution).map(|program| play(player, run, (spec, *place), program, role))
+        run.program(solution).map(|program| play(player, run, spec, *place, program, role))
     });
     for ((_, place, solution, _), played) in all.iter().zip(played) {
         match played {
@@ -122,7 +122,8 @@ fn in_turns(mut left: BTreeMap<Became, Vec<(f64, usize)>>, most: usize) -> Vec<u
 pub fn traced(
     player: &Player<'_>,
     run: &RecordedRun,
-    (spec, place): (&LineageSpec, usize),
+    spec: &LineageSpec,
+    place: usize,
     program: &Program,
 ) -> Result<(Traced, Option<bool>), String> {
     let traced = player.trace(spec, program, place)?;
@@ -135,12 +136,13 @@ pub fn traced(
 fn play(
     player: &Player<'_>,
     run: &RecordedRun,
-    (spec, place): (&LineageSpec, usize),
+    spec: &LineageSpec,
+    place: usize,
     program: &Program,
     role: &str,
 ) -> Result<Playable, String> {
     let scene = player.study.scenes[place].scene();
-    let (Traced { record, decision, motion, .. }, as_recorded) = traced(player, run, (spec, place), program)?;
+    let (Traced { record, decision, motion, .. }, as_recorded) = traced(player, run, spec, place, program)?;
     let outcome = &record.outcome;
     let applied = if decision.applies { String::new() } else { format!("; not applied: {}", decision.reason) };
     Ok(Playable {

@@ -50,7 +50,7 @@ fn signature(options: &VerifyOptions, opened: &Opened) -> Result<String, Failure
         ))),
         (Some(path), Some(envelope)) => {
             let (file, pem) = (path.display().to_string(), key_text(path)?);
-            verified(&bundle, (&opened.manifest, &opened.manifest_bytes), envelope, (&file, &pem))?;
+            verified(&bundle, &opened.manifest, &opened.manifest_bytes, envelope, &file, &pem)?;
             Ok(format!("holds, by key {}", key_name(&file, &pem)?))
         }
     }

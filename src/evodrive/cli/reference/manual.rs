@@ -48,24 +48,19 @@ pub fn man(options: &ManOptions, mut root: Command) -> Result<Answer, Failure> {
     root.build();
     store::create_dir(out)?;
     let mut pages = Vec::new();
-    write(&root, NAME, (out, options.output), &mut pages)?;
+    write(&root, NAME, out, options.output, &mut pages)?;
     let text = format!("{} pages in {1}; read one by `man {1}/{NAME}.1`\n", pages.len(), out.display());
     Ok(Answer::new(text, json!({"pages": pages})))
 }
 
-fn write(
-    command: &Command,
-    name: &str,
-    (out, output): (&Path, Output),
-    pages: &mut Vec<PathBuf>,
-) -> Result<(), Failure> {
+fn write(command: &Command, name: &str, out: &Path, output: Output, pages: &mut Vec<PathBuf>) -> Result<(), Failure> {
     let mut page = Vec::new();
     clap_mangen::Man::new(command.clone()).render(&mut page).map_err(Failure::internal)?;
     let path = out.join(format!("{name}.1"));
     output.write(&path, &page)?;
     pages.push(path);
     for sub in command.get_subcommands().filter(|sub| sub.get_name() != "help" && !sub.is_hide_set()) {
-        write(sub, &format!("{name}-{}", sub.get_name()), (out, output), pages)?;
+        write(sub, &format!("{name}-{}", sub.get_name()), out, output, pages)?;
     }
     Ok(())
 }

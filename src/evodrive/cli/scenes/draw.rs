@@ -107,16 +107,16 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         return grid::drawn(&wanted, jobs);
     }
     let (drawing, title) =
-        show::drawn(options.path.as_ref(), options.scene.as_ref(), (&options.of, options.episode.as_deref()), jobs)?;
+        show::drawn(options.path.as_ref(), options.scene.as_ref(), &options.of, options.episode.as_deref(), jobs)?;
     match kind {
         Kind::Strip | Kind::Page => {
             let other = beside(options, jobs)?;
-            drawn_strip(options, kind, (&drawing, other.as_ref()), title)
+            drawn_strip(options, kind, &drawing, other.as_ref(), title)
         }
         kind => {
             let width_px = options.panel.unwrap_or(FILM_PX);
             let look = Look { width_px, theme: theme(options), around_m: options.around, last_s: options.last };
-            drawn_film((&options.out, options.output, kind == Kind::Gif), &look, &drawing, title, jobs)
+            drawn_film(&options.out, options.output, kind == Kind::Gif, &look, &drawing, title, jobs)
         }
     }
 }
@@ -132,13 +132,15 @@ struct Look {
 
 /// A rollout as a film in its usual look: a GIF, or an MP4 where ffmpeg is installed.
 pub fn film_of(
-    (out, output, is_gif): (&Path, Output, bool),
+    out: &Path,
+    output: Output,
+    is_gif: bool,
     drawing: &Drawing,
     title: String,
     jobs: usize,
 ) -> Result<Answer, Failure> {
     let look = Look { width_px: FILM_PX, theme: Theme::Light, around_m: AROUND_M, last_s: None };
-    drawn_film((out, output, is_gif), &look, drawing, title, jobs)
+    drawn_film(out, output, is_gif, &look, drawing, title, jobs)
 }
 
 /// The drawing of --beside, with the line that stands above it.
@@ -151,7 +153,7 @@ fn beside(options: &Options, jobs: usize) -> Result<Option<(String, Drawing)>, F
     };
     let of =
         OfAttempt { attempt: Some(named), ego_log: options.of.ego_log, run: options.of.run.clone(), recorded: None };
-    let (drawing, title) = show::drawn(options.path.as_ref(), options.scene.as_ref(), (&of, None), jobs)?;
+    let (drawing, title) = show::drawn(options.path.as_ref(), options.scene.as_ref(), &of, None, jobs)?;
     Ok(Some((title, drawing)))
 }
 
@@ -162,7 +164,8 @@ fn theme(options: &Options) -> Theme {
 fn drawn_strip(
     options: &Options,
     kind: Kind,
-    (drawing, other): (&Drawing, Option<&(String, Drawing)>),
+    drawing: &Drawing,
+    other: Option<&(String, Drawing)>,
     title: String,
 ) -> Result<Answer, Failure> {
     let usual = if kind == Kind::Page { PANEL_PT } else { PANEL_PX };
@@ -191,7 +194,9 @@ fn drawn_strip(
 
 /// Every step from the scene's current one to a second behind the contact, or to the end.
 fn drawn_film(
-    (out, output, is_gif): (&Path, Output, bool),
+    out: &Path,
+    output: Output,
+    is_gif: bool,
     look: &Look,
     drawing: &Drawing,
     title: String,

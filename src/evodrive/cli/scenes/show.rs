@@ -46,7 +46,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         path.iter().try_for_each(|path| by_ending(option, path, [(ending, ())]))?;
     }
     let id = options.scene.as_ref().or(options.of_scene.as_ref());
-    match meant(options.path.as_ref(), id, (&options.of, options.episode.as_deref()), jobs)? {
+    match meant(options.path.as_ref(), id, &options.of, options.episode.as_deref(), jobs)? {
         Meant::Played(rollout) => played(options, &rollout),
         Meant::Recorded(scene) => recorded(options, &scene),
     }
@@ -61,7 +61,8 @@ enum Meant {
 fn meant(
     path: Option<&PathBuf>,
     id: Option<&String>,
-    (of, episode): (&OfAttempt, Option<&Path>),
+    of: &OfAttempt,
+    episode: Option<&Path>,
     jobs: usize,
 ) -> Result<Meant, Failure> {
     if let (Some(episode), Some(pool)) = (episode, path) {
@@ -116,10 +117,11 @@ fn is_case(path: &Path, word: &str) -> bool {
 pub fn drawn(
     path: Option<&PathBuf>,
     id: Option<&String>,
-    (of, episode): (&OfAttempt, Option<&Path>),
+    of: &OfAttempt,
+    episode: Option<&Path>,
     jobs: usize,
 ) -> Result<(Drawing, String), Failure> {
-    Ok(match meant(path, id, (of, episode), jobs)? {
+    Ok(match meant(path, id, of, episode, jobs)? {
         Meant::Recorded(scene) => (Drawing::of_scene(&scene), scene.id.clone()),
         Meant::Played(played) if of.ego_log => {
             let scene =

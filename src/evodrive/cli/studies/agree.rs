@@ -5,7 +5,7 @@ use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use crate::backend::{Answers, Backend, NoOutcome, ProgramContext, Replay, lowered};
+use crate::backend::{Answers, Backend, DriveContext, NoOutcome, Replay, lowered};
 use crate::cli::evolve::behind;
 use crate::cli::records::{folder::RunFolder, run_name::TwoRuns};
 use crate::cli::terminal::answer::{Answer, progress};
@@ -332,8 +332,7 @@ fn changed(both: &Both<'_>, own: usize, case: &Case<'_>, intervention: &Interven
 fn unchanged(run: &Run, spec: &LineageSpec, place: usize) -> Result<(Outcome, Trace), String> {
     let prepared = run.study.scenes[place].prepared.clone();
     let plant = Plant::with_options(prepared, &run.study.simulator).map_err(|error| error.to_string())?;
-    let played =
-        run.backend().traced(&plant, &Intervention::default(), &spec.ego, (run.study.seed, ProgramContext::Plain));
+    let played = run.backend().traced(&plant, &Intervention::default(), &spec.ego, DriveContext::plain(run.study.seed));
     played.map_err(NoOutcome::reason)
 }
 

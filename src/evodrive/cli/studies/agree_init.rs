@@ -31,11 +31,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         return Err(exists());
     }
     let pool = files::read(std::slice::from_ref(&options.scenes), jobs)?;
-    let written = agreement_study(
-        &options.name,
-        ([&options.scenes, &seen_from_within(&options.scenes)], &pool),
-        &options.family,
-    )?;
+    let written =
+        agreement_study(&options.name, &options.scenes, &seen_from_within(&options.scenes), &pool, &options.family)?;
     store::create_dir(&folder)?;
     for (file, text) in &written {
         if !store::write_new(&folder.join(file), text.as_bytes())? {

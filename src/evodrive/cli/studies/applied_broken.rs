@@ -22,7 +22,7 @@ pub struct Broken {
 }
 
 /// Scenes with a contact in any of the three, in their order.
-pub fn broken(scenes: &[String], (replay, parent, program): (&Replayed, &Score, &Score), command: &str) -> Vec<Broken> {
+pub fn broken(scenes: &[String], replay: &Replayed, parent: &Score, program: &Score, command: &str) -> Vec<Broken> {
     let plain: BTreeMap<&str, String> = replay
         .scenes
         .iter()

@@ -90,7 +90,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     if options.at_fault {
         (file.conditions.simulator.at_fault, file.conditions.simulator.jury) = (true, true);
     }
-    let (asked, ego) = under_test(&file, options.ego.as_ref(), (options.driver.as_deref(), options.time_limit))?;
+    let (asked, ego) = under_test(&file, options.ego.as_ref(), options.driver.as_deref(), options.time_limit)?;
     let planners = asked.as_ref().map(Asked::planners);
     let seed = Seed(options.seed.unwrap_or(file.conditions.seed));
     let pool = files::chosen(&options.scenes, &options.scene, jobs)?;
@@ -109,14 +109,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let replay = without_program(&applied, &entries, &threads)?;
     let written = match &options.out {
         None => Written::default(),
-        Some(out) => write(
-            &applied,
-            &file,
-            &program,
-            &entries,
-            (out, options.output, options.format, options.ego_log),
-            &threads,
-        )?,
+        Some(out) => write(&applied, &file, &program, &entries, out, options, &threads)?,
     };
     let compared = Comparison {
         ego: ego.clone(),
@@ -134,8 +127,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     };
     planners.iter().filter_map(Planners::compared).for_each(progress);
     let broken = options.scenes_broken.then(|| {
-        let of = (&compared.replay, &compared.parent.score, &compared.program.score);
-        applied_broken::broken(&compared.scenes, of, &command(options))
+        let Comparison { scenes, replay, parent, program, .. } = &compared;
+        applied_broken::broken(scenes, replay, &parent.score, &program.score, &command(options))
     });
     Ok(applied_text::answer(&compared, &written, broken.as_deref()))
 }
@@ -185,7 +178,8 @@ fn under_rules(file: ProgramFile, rules: &Path) -> Result<ProgramFile, Failure> 
 pub fn under_test(
     file: &ProgramFile,
     ego: Option<&String>,
-    (planner, limit_s): (Option<&Path>, Option<f64>),
+    planner: Option<&Path>,
+    limit_s: Option<f64>,
 ) -> Result<(Option<Asked>, Policy), Failure> {
     let named = |path: &Path| Asked::named(path, &file.conditions.simulator)?.within(limit_s);
     let asked = planner.map(named).transpose()?;
@@ -302,7 +296,8 @@ fn write(
     file: &ProgramFile,
     labelled: &Labelled,
     entries: &[SceneEntry],
-    (out, output, format, ego_log): (&Path, Output, Option<Format>, bool),
+    out: &Path,
+    options: &Options,
     threads: &Threads,
 ) -> Result<Written, Failure> {
     let labels: BTreeMap<&str, &SceneScore> =
@@ -310,19 +305,20 @@ fn write(
     let of_label = |entry: &&SceneEntry| labels.contains_key(entry.scene().id.as_str());
     let played: Vec<&SceneEntry> = entries.iter().filter(of_label).collect();
     let shown = shown(&labelled.score.scenes);
-    let (mut drawings, mut exports) = (Vec::new(), format.map(|format| Exports::new(format, out, output)));
+    let (mut drawings, mut exports) =
+        (Vec::new(), options.format.map(|format| Exports::new(format, out, options.output)));
     for some in played.chunks(AT_ONCE) {
         let traced = threads.map(some, |_, entry| one(applied, file, entry, &labels));
         let traced = traced.into_iter().collect::<Result<Vec<Played>, Failure>>()?;
         drawings.extend(traced.iter().filter(|played| shown.contains(&played.scene.id)).map(titled));
         if let Some(exports) = &mut exports {
-            let of = |played: &Played| Ok((played.scene.clone(), Some(played.wanted(ego_log)?)));
+            let of = |played: &Played| Ok((played.scene.clone(), Some(played.wanted(options.ego_log)?)));
             exports.write(traced.iter().map(of).collect::<Result<_, Failure>>()?, threads)?;
         }
     }
     let page = out.join("player.html");
     let title = format!("{} against {}", file.program.solution_id, applied.ego.name());
-    output.write(&page, players_html(&drawings, &title).as_bytes())?;
+    options.output.write(&page, players_html(&drawings, &title).as_bytes())?;
     let cut = match played.len() - drawings.len() {
         0 => String::new(),
         cut => format!(" (attacks first; {cut} more are not on the page)"),

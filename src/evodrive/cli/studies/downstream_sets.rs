@@ -67,12 +67,12 @@ pub fn fixed(file: &DownstreamFile, program: &ProgramFile, threads: &Threads) ->
     let wanted = if wants_benign { 2 * count } else { count };
     let (mut played, mut benign, mut seen) = (Vec::new(), Vec::new(), Vec::new());
     for part in parts(file, training)? {
-        let mut programs = acting((file, "scenes"), &applied, program, part, wanted, threads)?;
+        let mut programs = acting(file, "scenes", &applied, program, part, wanted, threads)?;
         benign.extend(programs.split_off(count));
         played.extend(programs);
     }
     for part in parts(file, evaluation)? {
-        seen.extend(acting((file, "evaluation"), &applied, program, part, file.sets.evaluation, threads)?);
+        seen.extend(acting(file, "evaluation", &applied, program, part, file.sets.evaluation, threads)?);
     }
     let mut sets = Sets {
         training: Vec::new(),
@@ -145,7 +145,8 @@ fn parts(file: &DownstreamFile, pool: Pool) -> Result<Vec<Pool>, Failure> {
 
 /// The first `count` usable scenes of a pool in which both generators act.
 fn acting(
-    (file, table): (&DownstreamFile, &str),
+    file: &DownstreamFile,
+    table: &str,
     applied: &Applied<'_>,
     program: &ProgramFile,
     pool: Pool,

@@ -5,7 +5,7 @@ use serde_json::json;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use crate::backend::{Answers, NoOutcome, ProgramContext};
+use crate::backend::{Answers, DriveContext, NoOutcome};
 use crate::cli::evolve::behind::{self, Asked};
 use crate::cli::scenes::{files, left_out::listed};
 use crate::cli::studies::train::lessons;
@@ -102,8 +102,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
 fn planned(path: &Path, asked: &Asked, lessons: &[Lesson], seed: u64, threads: &Threads) -> Result<Driven, Failure> {
     let (ego, planners) = (asked.ego()?, asked.planners());
     let backend = behind::asked(Some(asked), Some(&planners));
-    let drawn = (Seed(seed), ProgramContext::Plain);
-    let drive = |_: usize, of: &Lesson| backend.rollout(&of.plant, &of.intervention, &ego, drawn);
+    let context = DriveContext::plain(Seed(seed));
+    let drive = |_: usize, of: &Lesson| backend.rollout(&of.plant, &of.intervention, &ego, context);
     let (mut outcomes, mut not_driven) = (Vec::new(), Vec::new());
     for (lesson, driven) in lessons.iter().zip(threads.map(lessons, drive)) {
         match driven {

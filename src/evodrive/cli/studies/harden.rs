@@ -154,7 +154,8 @@ impl Bench<'_> {
         &self,
         family: &Planned,
         programs: &[&Program],
-        (ego, entries): (&Policy, &[SceneEntry]),
+        ego: &Policy,
+        entries: &[SceneEntry],
     ) -> Result<Vec<Option<Score>>, Failure> {
         let scenes: Vec<Digest> = entries.iter().map(|entry| entry.digest).collect();
         let hashes = programs.iter().map(|of| of.hash()).collect::<Result<Vec<_>, _>>().map_err(Failure::internal)?;
@@ -211,7 +212,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         entries: &entries,
         plain: [plain(&families[0], &entries.searched)?, plain(&families[0], &entries.deciding)?],
     };
-    let hardening = rounds.played((&frozen.suite.name, frozen.digest), Parts::of(cases))?;
+    let hardening = rounds.played(&frozen.suite.name, frozen.digest, Parts::of(cases))?;
     written(options, &hardening)
 }
 
@@ -251,7 +252,7 @@ struct Found {
 }
 
 impl Rounds<'_> {
-    fn played(&self, (suite, suite_digest): (&str, Digest), cases: Parts<Attack>) -> Result<Hardening, Failure> {
+    fn played(&self, suite: &str, suite_digest: Digest, cases: Parts<Attack>) -> Result<Hardening, Failure> {
         // The suite's last third is not needed: payoffs are of generators, on other scenes.
         let (mut searched, mut deciding) = (cases.searched, cases.deciding);
         deciding.extend(cases.paying);
@@ -261,7 +262,7 @@ impl Rounds<'_> {
         let mut generators = vec![("parents".to_string(), parents)];
         let mut rounds = Vec::new();
         for round in 1..=self.options.rounds {
-            let Found { settings: best, crashes } = self.search(round, (&settings, &driver), &searched)?;
+            let Found { settings: best, crashes } = self.search(round, &settings, &driver, &searched)?;
             let challenger = Policy::PdmWith(Box::new(best));
             let both = |ego: &Policy| -> Result<[Drives; 2], Failure> {
                 Ok([self.bench.drives(ego, &deciding)?, self.bench.drives(ego, &self.plain[1])?])
@@ -306,7 +307,8 @@ impl Rounds<'_> {
     fn search(
         &self,
         round: usize,
-        (settings, driver): (&pdm::Settings, &Policy),
+        settings: &pdm::Settings,
+        driver: &Policy,
         searched: &[Attack],
     ) -> Result<Found, Failure> {
         let drives = |ego: &Policy| -> Result<[Drives; 2], Failure> {
@@ -343,13 +345,13 @@ impl Rounds<'_> {
             for patch in 0..self.options.patches {
                 let path = ["harden", &round.to_string(), family.member.family.as_str(), &patch.to_string()];
                 let mut stream = Seed(self.options.seed).stream(&path);
-                let drawn = random_patch((from, hash), &places, EDITS_MAX, &mut stream);
+                let drawn = random_patch(from, hash, &places, EDITS_MAX, &mut stream);
                 let id = SolutionId::new(format!("{}/r{round}p{patch}", family.member.family));
                 let child = patched(from, hash, &drawn, id).ok();
                 programs.extend(child.filter(|child| family.source.contract.check_program(child).is_empty()));
             }
             let all: Vec<&Program> = programs.iter().collect();
-            let scores = self.bench.scores(family, &all, (driver, &self.entries.searched))?;
+            let scores = self.bench.scores(family, &all, driver, &self.entries.searched)?;
             evolved.push(programs[strongest(&scores)].clone());
         }
         Ok(evolved)
@@ -381,7 +383,7 @@ impl Rounds<'_> {
             for (_, ego) in drivers {
                 let mut count = 0;
                 for (family, program) in self.families.iter().zip(programs) {
-                    let scores = self.bench.scores(family, &[program], (ego, &self.entries.paying))?;
+                    let scores = self.bench.scores(family, &[program], ego, &self.entries.paying)?;
                     count += scores.iter().flatten().map(contacts).sum::<usize>();
                 }
                 row.push(i64::try_from(count).unwrap_or(i64::MAX));

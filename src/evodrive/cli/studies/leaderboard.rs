@@ -97,7 +97,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         // Two versions of a planner bear one name.
         let file = |folder: &PathBuf| folder.join(format!("{name}-{}.json", mark.digest.short(8)));
         let out = options.kept.as_ref().map(file);
-        let mut one = fresh(&frozen, &stage, (&options.selection, driver, out.as_deref()), &running)?;
+        let mut one = fresh(&frozen, &stage, &options.selection, driver, out.as_deref(), &running)?;
         if let Some(out) = &out {
             write(&mut one, out, options.output)?;
         }
@@ -112,7 +112,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     };
     let asked: String = made.iter().filter(fewer).map(say).collect();
     let asked_by_all = made.iter().map(|result| result.cases.len()).min().unwrap_or(0);
-    let left_out = (cases.len() - keep_common(&mut made), asked_by_all, asked);
+    let left_out = cases.len() - keep_common(&mut made);
     if made.first().is_none_or(|result| result.cases.is_empty()) {
         let what = "no scene can be played by all of these drivers; set fewer beside each other";
         return Err(Failure::bad_input(format!("{}: {what}", options.suite.display())));
@@ -122,7 +122,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         .map(|result| Entry { name: result.driver.name.clone(), totals: totals(&result), result })
         .collect();
     entries.sort_by(|a, b| rank(b).total_cmp(&rank(a)).then_with(|| a.name.cmp(&b.name)));
-    answer(options, &frozen, &entries, left_out)
+    answer(options, &frozen, &entries, left_out, asked_by_all, &asked)
 }
 
 /// Leaves in all results the scenes that each of these drivers can play and was asked for, so that rows stand on the same ones; says
@@ -188,12 +188,14 @@ fn by_family(entries: &[Entry]) -> (Vec<String>, Vec<Vec<String>>) {
     (heads.collect(), rows.collect())
 }
 
-/// `left_out`: how many scenes no row stands on, how many all drivers were asked for, and who was asked for fewer.
+/// `left_out`: how many scenes no row stands on; `asked`: who was asked for fewer than others.
 fn answer(
     options: &Options,
     frozen: &Frozen,
     entries: &[Entry],
-    (left_out, asked_by_all, asked): (usize, usize, String),
+    left_out: usize,
+    asked_by_all: usize,
+    asked: &str,
 ) -> Result<Answer, Failure> {
     let heads = HEADS.map(String::from).to_vec();
     let one = std::slice::from_ref(&frozen.suite.planned_around);
@@ -229,7 +231,7 @@ fn answer(
             markdown(&family_heads, &family_rows)
         ),
         Some(Format::Csv) => csv(entries),
-        Some(Format::Html) => html((&title, &digest.to_hex(), &note), (&heads, &rows), (&family_heads, &family_rows)),
+        Some(Format::Html) => html(&title, &digest.to_hex(), &note, (&heads, &rows), (&family_heads, &family_rows)),
     };
     let object: Vec<_> =
         entries.iter().map(|entry| json!({"driver": entry.result.driver, "totals": entry.totals})).collect();
@@ -315,7 +317,7 @@ fn csv(entries: &[Entry]) -> String {
 /// Heads and rows.
 type Texts<'a> = (&'a Vec<String>, &'a Vec<Vec<String>>);
 
-fn html((title, digest, note): (&str, &str, &str), first: Texts<'_>, second: Texts<'_>) -> String {
+fn html(title: &str, digest: &str, note: &str, first: Texts<'_>, second: Texts<'_>) -> String {
     let title = escaped(title);
     let mut text = format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n{}<title>{title}</title>\n{}</head>\n<body>\n<h1>{title}</h1>\n\

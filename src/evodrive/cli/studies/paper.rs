@@ -285,7 +285,7 @@ fn blessed(plan: &Plan, label: &str, options: &Options, jobs: usize) -> Result<A
     }
     // In the order of the plan, as when all are made anew.
     pieces.sort_by_key(place);
-    put_runs(&mut made, &mut known, (plan, &ran, &moved))?;
+    put_runs(&mut made, &mut known, plan, &ran, &moved)?;
     let said = if moved.is_empty() {
         String::new()
     } else {
@@ -294,7 +294,7 @@ fn blessed(plan: &Plan, label: &str, options: &Options, jobs: usize) -> Result<A
             moved.into_iter().collect::<Vec<_>>().join(", ")
         )
     };
-    written((&piece.label, &said), made, &known, &folder)
+    written(&piece.label, &said, made, &known, &folder)
 }
 
 /// Replaces the goldens' runs by those of these pieces: what they are, their lines among the roots, and which of them the
@@ -302,7 +302,9 @@ fn blessed(plan: &Plan, label: &str, options: &Options, jobs: usize) -> Result<A
 fn put_runs(
     made: &mut Made,
     known: &mut toml::Table,
-    (plan, ran, moved): (&Plan, &Ran, &BTreeSet<String>),
+    plan: &Plan,
+    ran: &Ran,
+    moved: &BTreeSet<String>,
 ) -> Result<(), Failure> {
     let mut all = Known::new();
     if let Some(runs) = known.get_mut("run").and_then(toml::Value::as_table_mut) {
@@ -332,7 +334,7 @@ fn blessed_numbers(name: &str, file: &str, folder: &Path, options: &Options) -> 
     let (mut made, mut known) = (Made::new(), known_provenance(folder)?);
     let own = numbers(&[], None, &read_numbers(name, file, &options.golden)?);
     put_numbers(&mut made, &mut known, folder, name, &own)?;
-    written((name, ""), made, &known, folder)
+    written(name, "", made, &known, folder)
 }
 
 /// Replaces the goldens' numbers of a table, and their digest.
@@ -350,7 +352,7 @@ fn put_numbers(made: &mut Made, known: &mut toml::Table, folder: &Path, name: &s
 }
 
 /// Writes what was made of one label, and what all goldens are made from.
-fn written((label, said): (&str, &str), mut made: Made, known: &toml::Table, folder: &Path) -> Result<Answer, Failure> {
+fn written(label: &str, said: &str, mut made: Made, known: &toml::Table, folder: &Path) -> Result<Answer, Failure> {
     made.insert("provenance.toml".into(), provenance_text(known)?.into_bytes());
     for (name, bytes) in &made {
         store::write_atomic(&folder.join(name), bytes)?;

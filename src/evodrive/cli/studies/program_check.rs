@@ -108,7 +108,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
 
 /// Compiles as the compile gate does, on scenes that are named.
 fn compile(options: &Options, file: &ProgramFile, jobs: usize) -> Result<Compiled, Failure> {
-    let (_, ego) = apply::under_test(file, options.ego.as_ref(), (None, None))?;
+    let (_, ego) = apply::under_test(file, options.ego.as_ref(), None, None)?;
     let (taken, _) = apply::sorted_out(&options.scenes, file, files::read(&options.scenes, jobs)?)?;
     let threads = files::threads(jobs)?;
     let entries = threads.map(&taken, |_, scene| SceneEntry::new(scene.clone()));

@@ -108,7 +108,7 @@ fn commanded(options: &Options, file: &ProgramFile, jobs: usize) -> Result<Vec<C
     if options.scenes.is_empty() {
         return Ok(Vec::new());
     }
-    let (_, ego) = apply::under_test(file, options.ego.as_ref(), (None, None))?;
+    let (_, ego) = apply::under_test(file, options.ego.as_ref(), None, None)?;
     let pool = files::chosen(&options.scenes, &options.scene, jobs)?;
     let (taken, _) = apply::sorted_out(&options.scenes, file, pool)?;
     let threads = files::threads(jobs)?;
@@ -286,8 +286,7 @@ impl Written {
         let name = file_name(&format!("{} {}", scene.id, file.program.solution_id), taken);
         let revision = if form == Form::Openscenario { Revision::V1_2 } else { Revision::V1_0 };
         let road_file = format!("{name}.xodr");
-        let made =
-            triggered(scene, &scripts, (town(&scene.origin), &road_file), revision).map_err(|e| e.to_string())?;
+        let made = triggered(scene, &scripts, town(&scene.origin), &road_file, revision).map_err(|e| e.to_string())?;
         self.notes.extend(made.notes.iter().map(|note| note.reason.clone()));
         // The road first: a scenario never lies beside a road that is not there yet.
         let road = made.xodr.map(|xodr| (road_file, xodr));

@@ -47,7 +47,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         return Err(Failure::bad_input("name two or more results"));
     };
     for (path, other) in others {
-        comparable((first_path, first), (path, other))?;
+        comparable(first_path, first, path, other)?;
     }
     // Where the suite is at hand, it says what each result is to hold.
     if let Some(suite) = &options.suite {
@@ -73,7 +73,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
             let object = json!({
                 "suite": first.suite, "first": first.driver, "second": second.driver, "compared": pair, "commands": commands,
             });
-            (text((first, second), pair, &command), object)
+            (text(first, second, pair, &command), object)
         }
         _ => (suite_beside::text(&all, &pairs, &command), suite_beside::object(&all, &pairs)),
     };
@@ -82,10 +82,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
 }
 
 /// Refuses results that were not made in one suite by one simulator.
-fn comparable(
-    (first_path, first): (&Path, &SuiteResult),
-    (second_path, second): (&Path, &SuiteResult),
-) -> Result<(), Failure> {
+fn comparable(first_path: &Path, first: &SuiteResult, second_path: &Path, second: &SuiteResult) -> Result<(), Failure> {
     if first.suite.digest != second.suite.digest {
         let mark = |of: &SuiteResult| format!("{} ({})", of.suite.name, of.suite.digest.short(12));
         return Err(Failure::bad_input(format!(
@@ -117,11 +114,7 @@ fn who(path: &Path, result: &SuiteResult) -> String {
     }
 }
 
-fn text(
-    (first, second): (&SuiteResult, &SuiteResult),
-    compared: &Compared,
-    command: &dyn Fn(&str) -> String,
-) -> String {
+fn text(first: &SuiteResult, second: &SuiteResult, compared: &Compared, command: &dyn Fn(&str) -> String) -> String {
     let names = [first, second].map(|of| format!("{} ({})", of.driver.name, of.driver.digest.short(8)));
     let mut text = format!("first: {}\nsecond: {}\nin suite {}\n\n", names[0], names[1], first.suite.name);
     let heads = [

@@ -139,7 +139,7 @@ pub fn drive_planner(
                 let kind = match culprit {
                     // Nobody drives with a planner that does not begin.
                     None => FaultKind::NotStarted,
-                    Some(key) if key_of(stage, case, (&backends[case.rules], &ego)) == Some(key) => {
+                    Some(key) if key_of(stage, case, &backends[case.rules], &ego) == Some(key) => {
                         FaultKind::Inconsistent
                     }
                     Some(_) => continue,
@@ -234,7 +234,7 @@ impl Recorded {
         cases: &[&Case],
         answers: &'b BTreeMap<usize, RolloutCassette>,
     ) -> Vec<&'b str> {
-        let key = |case: &&Case| key_of(stage, case, (self.backends.get(case.rules)?, &self.ego));
+        let key = |case: &&Case| key_of(stage, case, self.backends.get(case.rules)?, &self.ego);
         let asked: BTreeSet<Digest> = cases.iter().filter_map(key).collect();
         let all = answers.values().flat_map(RolloutCassette::rollouts);
         all.filter(|(key, _)| !asked.contains(key)).map(|(_, recorded)| recorded.scene.as_str()).collect()
@@ -296,9 +296,9 @@ fn played_of(case: &Case, drove: Result<Drove, NoOutcome>) -> Result<Played, Fai
 }
 
 /// The key of the request that a case asks.
-fn key_of(stage: &SuiteRunner<'_>, case: &Case, (options, ego): (&BackendOptions, &Policy)) -> Option<Digest> {
+fn key_of(stage: &SuiteRunner<'_>, case: &Case, options: &BackendOptions, ego: &Policy) -> Option<Digest> {
     let plant = stage.plant(case).ok()?;
-    Request::new(options, &plant, &case.intervention, ego, stage.drawn(case)).ok().map(|request| request.key)
+    Request::new(options, &plant, &case.intervention, ego, stage.context(case)).ok().map(|request| request.key)
 }
 
 /// Cuts a text to the length that a report has room for.

@@ -152,10 +152,10 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
             asked: None,
             threads: &threads,
         };
-        found.push(of_driver(driver, (&around, &programs), entries, &mut rules, &mut reasons)?);
+        found.push(of_driver(driver, &around, &programs, entries, &mut rules, &mut reasons)?);
     }
     listed("not frozen", reasons.into_iter()).into_iter().for_each(progress);
-    let suite = suite(options, &programs, rules, &pool, (found, thresholds, &drivers))?;
+    let suite = suite(options, &programs, rules, &pool, found, thresholds, &drivers)?;
     let digest = suite_file::write(&suite, &options.out, options.output)?;
     Ok(answer(options, &suite, digest))
 }
@@ -187,7 +187,8 @@ fn drivers(options: &Options) -> Result<Vec<Around>, Failure> {
 /// Returns what may be frozen around one driver.
 fn of_driver(
     driver: &Around,
-    (around, programs): (&Freezing<'_>, &[Planned]),
+    around: &Freezing<'_>,
+    programs: &[Planned],
     entries: &[SceneEntry],
     rules: &mut Vec<SimulatorOptions>,
     reasons: &mut Vec<(String, String)>,
@@ -197,7 +198,7 @@ fn of_driver(
         let own = place_of(rules, &planned.rules);
         let asked = asked(driver, &planned.rules)?;
         let freezing = Freezing { asked: asked.as_ref(), ..*around };
-        let (frozen, took) = timed(|| freezing.of_program(planned, (place, own), entries, reasons));
+        let (frozen, took) = timed(|| freezing.of_program(planned, place, own, entries, reasons));
         let (frozen, played) = frozen?;
         progress(format!(
             "{} ({}): {} of {played} can be frozen; {:.3} s a scene",
@@ -228,11 +229,11 @@ fn checked(options: &Options) -> Result<(), Failure> {
         let found = options.plain_share;
         return Err(Failure::bad_input(format!("--plain-share: expected 0 or more and less than 1, found {found}")));
     }
-    options.output.may_be_made(&options.out).or_else(|refused| match options.out.is_file() {
-        // The same suite may be frozen again: it is refused later if it is another one.
-        true => Ok(()),
-        false => Err(refused),
-    })
+    // The same suite may be frozen again: it is refused later if it is another one.
+    options
+        .output
+        .may_be_made(&options.out)
+        .or_else(|refused| if options.out.is_file() { Ok(()) } else { Err(refused) })
 }
 
 fn place_of(all: &mut Vec<SimulatorOptions>, rules: &SimulatorOptions) -> usize {
@@ -255,13 +256,15 @@ fn suite(
     programs: &[Planned],
     rules: Vec<SimulatorOptions>,
     pool: &Pool,
-    (found, thresholds, drivers): (Vec<Vec<Freezable>>, Thresholds, &[Around]),
+    found: Vec<Vec<Freezable>>,
+    thresholds: Thresholds,
+    drivers: &[Around],
 ) -> Result<Suite, Failure> {
     let (several, mut cases) = (drivers.len() > 1, Vec::new());
     for (around, found) in found.into_iter().enumerate() {
         // The first drivers have the scenes that cannot be divided.
         let share = |all: usize| all / drivers.len() + usize::from(around < all % drivers.len());
-        cases.extend(cases_of(found, (share(options.per_family), options.plain_share), several.then_some(around))?);
+        cases.extend(cases_of(found, share(options.per_family), options.plain_share, several.then_some(around))?);
     }
     if cases.is_empty() {
         return Err(Failure::bad_input(
@@ -312,7 +315,8 @@ fn together(marks: &[DriverMark]) -> DriverMark {
 /// Chooses cases from what may be frozen around one driver: `per_family` of each family, and the share of plain ones beside them.
 fn cases_of(
     found: Vec<Freezable>,
-    (per_family, plain_share): (usize, f64),
+    per_family: usize,
+    plain_share: f64,
     around: Option<usize>,
 ) -> Result<Vec<Case>, Failure> {
     let candidates: Vec<Candidate> = found.iter().map(|found| found.candidate.clone()).collect();

@@ -1,6 +1,6 @@
 //! Plays programs in scenes around a driver, in a form that may be frozen.
 
-use crate::backend::{Backend, NoOutcome, ProgramContext};
+use crate::backend::{Backend, DriveContext, NoOutcome, ProgramContext};
 use crate::cli::evolve::behind::{self, Asked};
 use crate::cli::studies::suite_programs::Planned;
 use crate::cli::studies::suite_stage::under;
@@ -42,7 +42,8 @@ impl Freezing<'_> {
     pub fn of_program(
         &self,
         planned: &Planned,
-        (program, rules): (usize, usize),
+        program: usize,
+        rules: usize,
         entries: &[SceneEntry],
         reasons: &mut Vec<(String, String)>,
     ) -> Result<(Vec<Freezable>, usize), Failure> {
@@ -73,8 +74,8 @@ impl Freezing<'_> {
             let made = made.map_err(|error| error.to_string())?;
             let intervention = made.into_iter().flatten().next();
             let intervention = intervention.unwrap_or_else(|| Err("no intervention".into()))?;
-            let driven = (&intervention, under(&planned.member));
-            let label = self.label(entry, &applied.backend, applied.simulator, driven)?;
+            let under = under(&planned.member);
+            let label = self.label(entry, &applied.backend, applied.simulator, &intervention, under)?;
             Ok((intervention, label))
         };
         let played = self.threads.map(&fit, one);
@@ -113,8 +114,8 @@ impl Freezing<'_> {
         let unstaged: Vec<&SceneEntry> = entries.iter().filter(|entry| entry.scene().staging.is_none()).collect();
         // Scenes of SafeBench's families have no traffic to speak of without a program.
         let own: Vec<&SceneEntry> = if unstaged.is_empty() { entries.iter().collect() } else { unstaged };
-        let nothing = (&Intervention::default(), ProgramContext::Plain);
-        let labels = self.threads.map(&own, |_, entry| self.label(entry, &backend, simulator, nothing));
+        let (nothing, under) = (Intervention::default(), ProgramContext::Plain);
+        let labels = self.threads.map(&own, |_, entry| self.label(entry, &backend, simulator, &nothing, under));
         let mut kept = Vec::new();
         for (entry, label) in own.into_iter().zip(labels) {
             match label {
@@ -142,10 +143,11 @@ impl Freezing<'_> {
         entry: &SceneEntry,
         backend: &Backend<'_>,
         simulator: &SimulatorOptions,
-        (intervention, under): (&Intervention, ProgramContext),
+        intervention: &Intervention,
+        under: ProgramContext,
     ) -> Result<Outcome, NoOutcome> {
         let plant = Plant::with_options(entry.prepared.clone(), simulator)?;
-        backend.rollout(&plant, intervention, self.ego, (Seed(self.seed), under))
+        backend.rollout(&plant, intervention, self.ego, DriveContext { seed: Seed(self.seed), under })
     }
 
     fn is_below_floor(&self, label: &Outcome) -> bool {

@@ -20,7 +20,9 @@ const SHOWN_MAX: usize = 40;
 pub fn page(
     stage: &SuiteRunner<'_>,
     source: &DriverSource<'_>,
-    (result, totals, rules): (&SuiteResult, &[Total], &[RuleResult]),
+    result: &SuiteResult,
+    totals: &[Total],
+    rules: &[RuleResult],
     threads: &Threads,
 ) -> Result<String, Failure> {
     let failed = worst_first(result).into_iter().filter(|played| played.drive().is_some());
@@ -42,7 +44,7 @@ pub fn page(
         (Some((played, _)), Some((line, drawing))) if !played.passed() => picture(line, drawing),
         _ => String::new(),
     };
-    let above = above(result, (totals, rules), &worst, &place);
+    let above = above(result, totals, rules, &worst, &place);
     Ok(players_below(&above, &drawings, &title))
 }
 
@@ -87,7 +89,8 @@ fn in_page(total: &Total) -> Vec<String> {
 
 fn above(
     result: &SuiteResult,
-    (totals, rules): (&[Total], &[RuleResult]),
+    totals: &[Total],
+    rules: &[RuleResult],
     worst: &str,
     place: &dyn Fn(&str) -> Option<usize>,
 ) -> String {

@@ -67,7 +67,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         let name = driver.mark().name;
         if let TestDriver::Planner(_) = &driver {
             let running = Running { threads: &threads, interrupt: &interrupt };
-            let made = fresh(&frozen, &stage, (&selection, &driver, None), &running)?;
+            let made = fresh(&frozen, &stage, &selection, &driver, None, &running)?;
             let TestDriver::Recorded(_, planner) = made.driver else {
                 return Err(Failure::internal("a planner was driven and not recorded"));
             };
@@ -94,7 +94,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         return Err(Failure::bad_input("name who drives with --driver or --recorded"));
     }
     if let (true, Some((line, drawing))) = (kind != Kind::Page, drawings.first()) {
-        return film_of((&options.out, options.output, kind == Kind::Gif), drawing, line.clone(), jobs);
+        return film_of(&options.out, options.output, kind == Kind::Gif, drawing, line.clone(), jobs);
     }
     options.output.write(&options.out, beside_html(&drawings, &case.id).as_bytes())?;
     let mut text: String = drawings.iter().map(|(line, _)| format!("{line}\n")).collect();

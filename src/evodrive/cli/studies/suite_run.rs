@@ -153,11 +153,11 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
             if let Some(out) = &options.out {
                 free_for(out, &frozen, &driver, options.output)?;
             }
-            fresh(&frozen, &stage, (selection, &driver, options.out.as_deref()), &running)?
+            fresh(&frozen, &stage, selection, &driver, options.out.as_deref(), &running)?
         }
         (None, None) => return Err(Failure::bad_input("name a driver with --driver, or a result with --recorded")),
     };
-    finish(options, &frozen, (&stage, &threads), result, (&thresholds, baseline.as_ref()))
+    finish(options, &frozen, &stage, &threads, result, &thresholds, baseline.as_ref())
 }
 
 /// Refuses a place that holds another driver's result before anything is driven; the same driver's is gone on with.
@@ -180,13 +180,15 @@ pub struct Made {
 pub fn fresh(
     frozen: &Frozen,
     stage: &SuiteRunner<'_>,
-    (selection, driver, out): (&Selection, &TestDriver, Option<&Path>),
+    selection: &Selection,
+    driver: &TestDriver,
+    out: Option<&Path>,
     running: &Running<'_>,
 ) -> Result<Made, Failure> {
     let cases = &selection.of(&frozen.suite)?;
     let TestDriver::Planner(planner) = driver else {
         let driven = drive_own(stage, cases, driver, running)?;
-        return Ok(made(frozen, driver.clone(), driven, (None, selection.marks())));
+        return Ok(made(frozen, driver.clone(), driven, None, selection.marks()));
     };
     let is_staged = |case: &&&Case| frozen.suite.pool.scene(&case.scene).is_some_and(|scene| scene.staging.is_some());
     match cases.iter().filter(is_staged).count() {
@@ -210,7 +212,7 @@ pub fn fresh(
         }
     };
     driven.compared.iter().for_each(progress);
-    Ok(made(frozen, TestDriver::Recorded(driver.mark(), digest), driven, (recording, selection.marks())))
+    Ok(made(frozen, TestDriver::Recorded(driver.mark(), digest), driven, recording, selection.marks()))
 }
 
 /// Refuses files of answers beside a result that are not this planner's, nor those of the result that is there: their names were
@@ -275,7 +277,7 @@ pub fn again(
     let (planner, answers) = answers_behind(path, &before, stage.suite)?;
     let recorded = Recorded::new(stage, planner, answers.clone())?;
     let unused = recorded.unused(stage, &due, &answers);
-    let mut wrong = unlike(path, &before, (planner, &answers));
+    let mut wrong = unlike(path, &before, planner, &answers);
     if !unused.is_empty() {
         wrong.push(format!("{} recorded answers belong to none of its cases, of {}", unused.len(), named(&unused)));
     }
@@ -305,7 +307,7 @@ pub fn again(
     }
     let marks = if selection.marks().is_all() { selection_of(&before) } else { selection.marks() };
     let driven = Driven { cases: driven, answers, compared: Vec::new() };
-    Ok(made(frozen, TestDriver::Recorded(before.driver, planner), driven, (None, marks)))
+    Ok(made(frozen, TestDriver::Recorded(before.driver, planner), driven, None, marks))
 }
 
 /// Cases that a message names of those that come out differently.
@@ -333,7 +335,8 @@ fn answers_behind(path: &Path, result: &SuiteResult, suite: &Suite) -> Result<An
 fn unlike(
     path: &Path,
     result: &SuiteResult,
-    (planner, answers): (Digest, &BTreeMap<usize, RolloutCassette>),
+    planner: Digest,
+    answers: &BTreeMap<usize, RolloutCassette>,
 ) -> Vec<String> {
     let mut wrong = Vec::new();
     for (rules, answers) in answers {
@@ -366,12 +369,7 @@ fn answers_of(result: &Path, suite: &Suite) -> Result<BTreeMap<usize, RolloutCas
     Ok(answers)
 }
 
-fn made(
-    frozen: &Frozen,
-    driver: TestDriver,
-    driven: Driven,
-    (recording, selection): (Option<OwnDir>, Selected),
-) -> Made {
+fn made(frozen: &Frozen, driver: TestDriver, driven: Driven, recording: Option<OwnDir>, selection: Selected) -> Made {
     let result = SuiteResult {
         format: RESULT_FORMAT.into(),
         suite: SuiteMark { name: frozen.suite.name.clone(), digest: frozen.digest },
@@ -404,9 +402,11 @@ pub fn write(made: &mut Made, out: &Path, output: Output) -> Result<(), Failure>
 fn finish(
     options: &Options,
     frozen: &Frozen,
-    (stage, threads): (&SuiteRunner<'_>, &Threads),
+    stage: &SuiteRunner<'_>,
+    threads: &Threads,
     mut made: Made,
-    (thresholds, baseline): (&Thresholds, Option<&SuiteResult>),
+    thresholds: &Thresholds,
+    baseline: Option<&SuiteResult>,
 ) -> Result<Answer, Failure> {
     if let Some(out) = &options.out {
         write(&mut made, out, options.output)?;
@@ -430,10 +430,10 @@ fn finish(
             }
             driver => driver_source(stage, driver),
         };
-        let page = suite_page::page(stage, &source, (result, &totals, &rules), threads)?;
+        let page = suite_page::page(stage, &source, result, &totals, &rules, threads)?;
         options.output.write(path, page.as_bytes())?;
     }
-    Ok(answer(frozen, result, (&totals, &rules), &command))
+    Ok(answer(frozen, result, &totals, &rules, &command))
 }
 
 /// The command that plays a case: from recorded answers where there are some, which need no planner.
@@ -450,7 +450,8 @@ fn play_command(options: &Options, result: &SuiteResult, case: &str) -> String {
 fn answer(
     frozen: &Frozen,
     result: &SuiteResult,
-    (totals, rules): (&[Total], &[RuleResult]),
+    totals: &[Total],
+    rules: &[RuleResult],
     command: &dyn Fn(&Played) -> String,
 ) -> Answer {
     let broken = rules.iter().any(|rule| !rule.holds);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::backend::{Backend, NoOutcome, ProgramContext};
+use crate::backend::{Backend, DriveContext, NoOutcome, ProgramContext};
 use crate::cli::look::rollout::Played;
 use crate::cli::terminal::exit::Failure;
 use crate::ego::Policy;
@@ -72,11 +72,11 @@ impl<'a> SuiteRunner<'a> {
         let (outcome, motion, timeline) = match source {
             DriverSource::Standing => rollout_explained(&plant, &case.intervention, &mut Stopped)?,
             DriverSource::Policy(ego, backends) => {
-                backend(backends, case)?.explained(&plant, &case.intervention, ego, self.drawn(case))?
+                backend(backends, case)?.explained(&plant, &case.intervention, ego, self.context(case))?
             }
         };
         let realism = case.program.map(|_| realism(&outcome, &self.realism).1);
-        Ok(Drove { timeline, realism, ..self.judged(case, &plant, source, (outcome, &motion))? })
+        Ok(Drove { timeline, realism, ..self.judged(case, &plant, source, outcome, &motion)? })
     }
 
     /// Judges who is at fault for a contact, and who would have avoided it. A planner drove once: its motion is driven
@@ -86,7 +86,8 @@ impl<'a> SuiteRunner<'a> {
         case: &Case,
         plant: &Plant,
         source: &DriverSource<'_>,
-        (outcome, motion): (Outcome, &Trace),
+        outcome: Outcome,
+        motion: &Trace,
     ) -> Result<Drove, NoOutcome> {
         let fault = fault_of(plant, &outcome, motion);
         let driver: Option<Box<dyn Driver>> = match source {
@@ -125,14 +126,15 @@ impl<'a> SuiteRunner<'a> {
                 Ok((outcome, trace))
             }
             DriverSource::Policy(ego, backends) => {
-                backend(backends, case)?.traced(plant, &case.intervention, ego, self.drawn(case))
+                backend(backends, case)?.traced(plant, &case.intervention, ego, self.context(case))
             }
         }
     }
 
     /// The suite's seed, and of which program a case is.
-    pub fn drawn(&self, case: &Case) -> (Seed, ProgramContext) {
-        (Seed(self.suite.seed), self.suite.program(case).map_or(ProgramContext::Plain, under))
+    pub fn context(&self, case: &Case) -> DriveContext {
+        let under = self.suite.program(case).map_or(ProgramContext::Plain, under);
+        DriveContext { seed: Seed(self.suite.seed), under }
     }
 }
 

@@ -90,7 +90,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
             player.program.solution_id
         )));
     }
-    let (first_file, played) = (first.file.conditions.simulator, (&players[..], &entries[..], &threads));
+    let first_file = first.file.conditions.simulator;
+    let played = Played { players: &players, entries: &entries, threads: &threads };
     // With contacts judged by nuPlan's rule and the jury.
     let scores = scores(played, &drivers, &SimulatorOptions { at_fault: true, jury: true, ..first_file })?;
     let judged = match options.sensitivity {
@@ -105,7 +106,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         scores,
     };
     if let Some(place) = &options.recognised {
-        let text = recognised(played, &drivers[0], &first_file, &transferred)?;
+        let text = recognised(played, drivers[0].0, &drivers[0].1, &first_file, &transferred)?;
         options.output.write(place, text.as_bytes())?;
     }
     if let Some(place) = &options.sensitivity {
@@ -116,8 +117,9 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
 
 /// Returns the table of how well moved road users are distinguished from recorded ones.
 fn recognised(
-    (players, entries, threads): Played<'_>,
-    (name, ego): &(&'static str, Policy),
+    Played { players, entries, threads }: Played<'_>,
+    name: &str,
+    ego: &Policy,
     simulator: &SimulatorOptions,
     of: &Transferred,
 ) -> Result<String, Failure> {
@@ -130,7 +132,7 @@ fn recognised(
         file.conditions.simulator = *simulator;
         let counsels = apply::counsels(&file, entries);
         let applied = apply::as_conditioned(&file, &sources, ego, &counsels)?;
-        let of_scene = |place: usize, entry: &SceneEntry| road_users(&applied, &player.program, (place, entry));
+        let of_scene = |place: usize, entry: &SceneEntry| road_users(&applied, &player.program, place, entry);
         let mut users = RoadUsers::default();
         for found in threads.map(entries, of_scene) {
             users.acted.extend(found.acted);
@@ -141,11 +143,11 @@ fn recognised(
         control.get_or_insert_with(|| users.control(of.suite()));
     }
     rows.extend(control.map(|control| ("recorded against recorded (control)".to_string(), None, control)));
-    Ok(recognised::text(&rows, (entries.len(), head(name))))
+    Ok(recognised::text(&rows, entries.len(), head(name)))
 }
 
 /// Returns the road users of one scene; none if the program has no rollout in it or does not act.
-fn road_users(applied: &Applied<'_>, program: &Program, (place, entry): (usize, &SceneEntry)) -> RoadUsers {
+fn road_users(applied: &Applied<'_>, program: &Program, place: usize, entry: &SceneEntry) -> RoadUsers {
     let mut users = RoadUsers::default();
     let Ok(traced) = applied.trace(program, entry) else { return users };
     if !traced.record.outcome.acted() {
@@ -284,11 +286,16 @@ fn add(folder: &RunFolder, run: &RecordedRun, players: &mut Vec<Player>, lines: 
 }
 
 /// Programs, scenes, and who plays them.
-type Played<'a> = (&'a [Player], &'a [SceneEntry], &'a Threads);
+#[derive(Clone, Copy)]
+struct Played<'a> {
+    players: &'a [Player],
+    entries: &'a [SceneEntry],
+    threads: &'a Threads,
+}
 
 /// Every program against every driver in a simulator, under the seed of the first program's run.
 fn scores(
-    (players, entries, threads): Played<'_>,
+    Played { players, entries, threads }: Played<'_>,
     drivers: &[(&'static str, Policy)],
     simulator: &SimulatorOptions,
 ) -> Result<Vec<Vec<Score>>, Failure> {

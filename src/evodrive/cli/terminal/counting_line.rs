@@ -39,7 +39,7 @@ impl CountingLine {
     pub fn tick(&self) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         state.0 += 1;
-        let words = words(self.noun, (state.0, self.all), self.begun.elapsed().as_secs_f64());
+        let words = words(self.noun, state.0, self.all, self.begun.elapsed().as_secs_f64());
         match &self.bar {
             Some(bar) => {
                 bar.set_position(state.0 as u64);
@@ -65,7 +65,7 @@ impl Drop for CountingLine {
     }
 }
 
-fn words(noun: &str, (done, all): (usize, usize), seconds: f64) -> String {
+fn words(noun: &str, done: usize, all: usize, seconds: f64) -> String {
     let rate = done as f64 / seconds.max(1e-3);
     let left = all.saturating_sub(done) as f64 / rate.max(1e-9);
     format!("{done} of {}, {rate:.1} a second, {left:.0} s left", counted(all, noun))
@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn a_line_says_how_many_how_fast_and_how_long() {
-        assert_eq!(words("scene", (20, 200), 4.0), "20 of 200 scenes, 5.0 a second, 36 s left");
-        assert_eq!(words("scene", (1, 1), 0.5), "1 of 1 scene, 2.0 a second, 0 s left");
+        assert_eq!(words("scene", 20, 200, 4.0), "20 of 200 scenes, 5.0 a second, 36 s left");
+        assert_eq!(words("scene", 1, 1, 0.5), "1 of 1 scene, 2.0 a second, 0 s left");
     }
 }

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use crate::cli::terminal::outside::escaped;
 use crate::cli::terminal::width::{USUAL, stderr_width};
 use crate::cli::terminal::{answer::progress, result_text, timed::timed};
-use crate::epoch::{Progress, Study};
+use crate::epoch::{Progress, RolloutCounts, Study};
 use crate::llm::{Ask, AskError, DraftJudge, DrawSlot, Reply, Request};
 use crate::text::counted;
 
@@ -68,12 +68,12 @@ impl MovingLine {
         line
     }
 
-    /// One piece of news; `rollouts` were read from the store and simulated so far.
-    pub fn tell(&self, news: &Progress, (reused, simulated): (usize, usize)) {
+    /// One piece of news, and the rollouts that the run rested on so far.
+    pub fn tell(&self, news: &Progress, rollouts: RolloutCounts) {
         if matches!(news, Progress::Attempt { .. }) {
             self.done.fetch_add(1, Ordering::Relaxed);
         }
-        if simulated == 0 {
+        if rollouts.simulated == 0 {
             self.again.0.store(self.done.load(Ordering::Relaxed), Ordering::Relaxed);
             self.again.1.store(self.begun.elapsed().as_millis() as u64, Ordering::Relaxed);
         }
@@ -81,7 +81,7 @@ impl MovingLine {
         match (&self.bar, news) {
             (Some(bar), Progress::Attempt { .. }) => {
                 bar.set_position(self.done.load(Ordering::Relaxed));
-                let rollouts = counted(reused + simulated, "rollout");
+                let rollouts = counted(rollouts.reused + rollouts.simulated, "rollout");
                 bar.set_message(self.words(&[&rollouts, text.trim()]));
             }
             (Some(bar), _) => bar.suspend(|| progress(text)),
@@ -99,7 +99,7 @@ impl MovingLine {
     fn standing(&self) -> Standing {
         let (done, seconds) = (self.done.load(Ordering::Relaxed), self.begun.elapsed().as_secs_f64());
         let again = (self.again.0.load(Ordering::Relaxed), self.again.1.load(Ordering::Relaxed) as f64 / 1e3);
-        self.way.standing((done, seconds), again)
+        self.way.standing(done, seconds, again)
     }
 
     /// A model that told its answer, or failed to, after so long.
@@ -163,7 +163,7 @@ impl Way {
 
     /// Returns the standing of a run that has judged so many proposals in so many seconds. The rate is the mean since
     /// it began. If it goes on from an earlier try, `again` of them were only read, and the rate is that of the others.
-    fn standing(self, (done, seconds): (u64, f64), again: (u64, f64)) -> Standing {
+    fn standing(self, done: u64, seconds: f64, again: (u64, f64)) -> Standing {
         let all = self.proposals();
         if done >= all {
             let (all, epochs) = (counted(all as usize, "proposal"), counted(self.epochs as usize, "epoch"));
@@ -251,21 +251,21 @@ mod tests {
     #[test]
     fn a_standing_names_epoch_share_rate_and_time_left() {
         let way = Way { epochs: 4, each: 10 };
-        let standing = |done, seconds| way.standing((done, seconds), (0, 0.0)).whole;
+        let standing = |done, seconds| way.standing(done, seconds, (0, 0.0)).whole;
         assert_eq!(standing(0, 3.0), "epoch 1 of 4, 0 % of 40 proposals");
         assert_eq!(standing(9, 3.0), "epoch 1 of 4, 22 % of 40 proposals, 3.0 a second, 10 s left");
         assert_eq!(standing(10, 100.0), "epoch 2 of 4, 25 % of 40 proposals, 6.0 a minute, 5 min left");
         assert_eq!(standing(39, 390_000.0), "epoch 4 of 4, 98 % of 40 proposals, 0.4 an hour, 2.8 h left");
         assert_eq!(standing(40, 1.0), "finished: all of 40 proposals in 4 epochs");
         assert_eq!(
-            Way { epochs: 1, each: 1 }.standing((1, 1.0), (0, 0.0)).whole,
+            Way { epochs: 1, each: 1 }.standing(1, 1.0, (0, 0.0)).whole,
             "finished: all of 1 proposal in 1 epoch"
         );
     }
 
     #[test]
     fn a_moving_line_always_says_share_rate_and_time_left() {
-        let standing = Way { epochs: 6, each: 18 }.standing((24, 12.0), (0, 0.0));
+        let standing = Way { epochs: 6, each: 18 }.standing(24, 12.0, (0, 0.0));
         let news = ["3344 rollouts", "adv_bmt-idm/e5s4   evaluated attack 0.375  realism 0.8984  accepted"];
         let place = "a_study_with_a_long_name_of_its_own-58c89c47";
         for room in 40..120 {
@@ -289,12 +289,12 @@ mod tests {
         let way = Way { epochs: 4, each: 10 };
         // 20 read in a second, then 4 in 40 seconds: 16 more take 160.
         assert_eq!(
-            way.standing((24, 41.0), (20, 1.0)).whole,
+            way.standing(24, 41.0, (20, 1.0)).whole,
             "epoch 3 of 4, 60 % of 40 proposals, 6.0 a minute, 3 min left"
         );
         // Nothing but reading so far: at that rate.
         assert_eq!(
-            way.standing((20, 1.0), (20, 1.0)).whole,
+            way.standing(20, 1.0, (20, 1.0)).whole,
             "epoch 3 of 4, 50 % of 40 proposals, 20.0 a second, 1 s left"
         );
     }

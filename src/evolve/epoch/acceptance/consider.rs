@@ -70,12 +70,12 @@ impl EpochVerdicts {
             Some(rival) => search::lead(rival, &parents, &accepted),
             None => loop {
                 let must_act = options.requires.has(AcceptanceRequirement::Acts);
-                let led = promote(options.promotion, &front, &parents, &accepted, (options.reference, must_act));
+                let led = promote(options.promotion, &front, &parents, &accepted, options.reference, must_act);
                 // Where labels are shuffled, a race would see the true ones.
                 let level = options.race.filter(|_| self.swapped.is_empty());
                 let (Some(leaders), Some(level)) = (&led, level) else { break led };
                 let Some((slot, candidate)) = self.child(&leaders.active) else { break led };
-                let race = race(study, snapshot, (slot, candidate), level, tools)?;
+                let race = race(study, snapshot, slot, candidate, level, tools)?;
                 let shown = race.shown;
                 races.push((leaders.active.clone(), race));
                 if shown {
@@ -125,7 +125,7 @@ pub fn consider(
         }
         Reached::Evaluated { gates, routed, score } => {
             let id = AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, head.slot);
-            let decision = accept(study, snapshot, head.slot, &id, (&routed.candidate, &score), judged, tools)?;
+            let decision = accept(study, snapshot, head.slot, &routed.candidate, &score, judged, tools)?;
             judged.labels.push(world_label(snapshot, &id, &routed, &score, decision.gates.any()));
             let RoutedCandidate { candidate, route, .. } = *routed;
             Exit::Evaluated { gates, candidate: Box::new(candidate), route, score, decision }
@@ -151,7 +151,7 @@ pub fn request_earlier_labels(
         return Ok(());
     }
     let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
-    let subject = (&routed.candidate.program, routed.candidate.program_hash);
+    let subject = routed.candidate.hashed();
     // The labels on the window were asked for; without them there is no more to tell.
     let Ok(score) = labelling.score(subject, &snapshot.window) else { return Ok(()) };
     let parent = &snapshot.parent_of(draft.head.slot).program.solution_id;
@@ -168,8 +168,8 @@ fn accept(
     study: &Study,
     snapshot: &Snapshot<'_>,
     slot: u32,
-    id: &AttemptId,
-    (candidate, window): (&Candidate, &Score),
+    candidate: &Candidate,
+    window: &Score,
     judged: &mut EpochVerdicts,
     tools: &Tools<'_>,
 ) -> Result<Decision, RunError> {
@@ -178,13 +178,13 @@ fn accept(
     let judged_by = swapped.as_ref().map_or(window, |(_, score)| score);
     let mut gates = compared(study, judged, parent, judged_by, tools, |standing| &standing.window)?;
     gates.labels_of = swapped.as_ref().map(|(solution, _)| solution.clone());
-    gates.method = rival::verdict(study, snapshot, slot, (candidate, window), &gates, &mut judged.search);
+    gates.method = rival::verdict(study, snapshot, slot, candidate, window, &gates, &mut judged.search);
     gates.parent_tradeoff.holds &= !study.without.tradeoff;
-    gates.groups = groups::accepted_in(study, (&judged.archive, &judged.standing), parent, judged_by, tools)?;
+    gates.groups = groups::accepted_in(study, &judged.archive, &judged.standing, parent, judged_by, tools)?;
     let mut score = window.clone();
     if gates.any() && snapshot.so_far.len() > snapshot.window.len() {
         let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
-        score = labelling.score((&candidate.program, candidate.program_hash), &snapshot.so_far)?;
+        score = labelling.score(candidate.hashed(), &snapshot.so_far)?;
         if swapped.is_none() {
             gates = compared(study, judged, parent, &score, tools, |standing| &standing.so_far)?;
             gates.parent_tradeoff.holds &= !study.without.tradeoff;
@@ -193,7 +193,7 @@ fn accept(
     let accepted = gates.any();
     let scenes = study.scenes_digest(if accepted { &snapshot.so_far } else { &snapshot.window })?;
     let entry = Entry {
-        attempt: Some(id.clone()),
+        attempt: Some(AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, slot)),
         gates: Some(AcceptanceGates::clone(&gates)),
         mechanism_tags: candidate.mechanism_tags.clone(),
         ..entry(snapshot, &candidate.program, candidate.program_hash, &score, scenes)

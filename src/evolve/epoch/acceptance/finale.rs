@@ -161,10 +161,11 @@ fn frontier_gain(
     desk: &mut Desk<'_>,
 ) -> Result<(f64, BTreeMap<String, f64>), RunError> {
     if let (Some(options), Some(parent_score)) = (study.evaluation.safebench(), choice.scores.get(parent)) {
-        rounds::record(study, state, spec, options, (parent, parent_score), desk)?;
+        rounds::record(study, state, spec, options, parent, parent_score, desk)?;
         if groups::apart(study) {
-            let (of, before) = ((spec, options), (parent, parent_score));
-            let gains = groups::gains_of_archives_pct(study, state, of, before, FRONTIER_BUDGET, &desk.tools)?;
+            let tools = &desk.tools;
+            let gains =
+                groups::gains_of_archives_pct(study, state, spec, options, parent_score, FRONTIER_BUDGET, tools)?;
             return Ok((groups::mean_pct(&gains), gains));
         }
         let descendants: Vec<&Score> = choice.top.iter().filter_map(|s| choice.scores.get(s)).collect();
@@ -195,7 +196,7 @@ fn choose(
     ahead(study, state, spec, std::iter::once(parent).chain(&measured), study.choosing(), desk)?;
     for solution in std::iter::once(parent.clone()).chain(measured) {
         let program = state.lineages.program(&spec.id, &solution)?;
-        let score = labelling(study, state, spec, desk).score((program, program.hash()?), study.choosing())?;
+        let score = labelling(study, state, spec, desk).score(program.hashed()?, study.choosing())?;
         desk.log.append(
             kind::FINALIST,
             &Finalist { lineage: spec.id.clone(), solution: solution.clone(), score: score.clone() },
@@ -271,7 +272,7 @@ fn held_out(
     desk: &mut Desk<'_>,
 ) -> Result<Score, RunError> {
     let program = state.lineages.program(&spec.id, solution)?;
-    let score = labelling(study, state, spec, desk).score((program, program.hash()?), &study.held_out)?;
+    let score = labelling(study, state, spec, desk).score(program.hashed()?, &study.held_out)?;
     let roles = [
         ("parent", solution == parent),
         ("active", *solution == choice.active),

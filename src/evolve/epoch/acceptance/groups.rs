@@ -37,7 +37,8 @@ pub fn begin(study: &Study, archive: &mut Archive, parent: &SolutionId) {
 /// The groups in which a child is accepted beside its parent and the group's archive; `None` where there is one archive for all.
 pub fn accepted_in(
     study: &Study,
-    (archive, standings): (&Archive, &Standings),
+    archive: &Archive,
+    standings: &Standings,
     parent: &SolutionId,
     child: &Score,
     tools: &Tools<'_>,
@@ -90,8 +91,9 @@ pub fn enter(study: &Study, archive: &mut Archive, child: &SolutionId, accepted:
 pub fn gains_of_archives_pct(
     study: &Study,
     state: &State,
-    (spec, options): (&LineageSpec, &SafebenchOptions),
-    (parent, parent_score): (&SolutionId, &Score),
+    spec: &LineageSpec,
+    options: &SafebenchOptions,
+    parent_score: &Score,
     k: usize,
     tools: &Tools<'_>,
 ) -> Result<BTreeMap<String, f64>, RunError> {
@@ -100,7 +102,7 @@ pub fn gains_of_archives_pct(
         let failed = score.failures.iter().filter_map(|failure| of_scene.get(failure.scene.as_str()).copied());
         Ok(group_points(&staged_runs(study, options, score, tools)?, &failed.collect::<Vec<Group>>()))
     };
-    let archive = &state.archives[&spec.id];
+    let (archive, parent) = (&state.archives[&spec.id], &state.lineages.get(&spec.id)?.parent);
     let before = points(parent_score)?;
     let mut after: BTreeMap<SolutionId, Points> = BTreeMap::new();
     for attempt in state.attempts.iter().filter(|attempt| attempt.lineage == spec.id) {

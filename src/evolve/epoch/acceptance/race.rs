@@ -20,7 +20,8 @@ const ANY_GAIN: f64 = 0.5;
 pub fn race(
     study: &Study,
     snapshot: &Snapshot<'_>,
-    (slot, candidate): (u32, &Candidate),
+    slot: u32,
+    candidate: &Candidate,
     level: f64,
     tools: &Tools<'_>,
 ) -> Result<Race, RunError> {
@@ -33,8 +34,8 @@ pub fn race(
     for scenes in stages {
         let places = &order[..scenes];
         labelling.ahead(&[&candidate.program, &parent.program], places)?;
-        let child = labelling.score((&candidate.program, candidate.program_hash), places)?;
-        let before = labelling.score((&parent.program, parent.hash), places)?;
+        let child = labelling.score(candidate.hashed(), places)?;
+        let before = labelling.score(parent.hashed(), places)?;
         let measure = measure(study, &[&child, &before], tools)?;
         let at = |level: f64| {
             let options = ArchiveOptions { level, ..study.archive.clone() };

@@ -29,7 +29,8 @@ pub fn verdict(
     study: &Study,
     snapshot: &Snapshot<'_>,
     slot: u32,
-    (candidate, score): (&Candidate, &Score),
+    candidate: &Candidate,
+    score: &Score,
     gates: &AcceptanceGates,
     search: &mut Option<SearchState>,
 ) -> Option<MethodVerdict> {
@@ -69,7 +70,7 @@ pub fn random(study: &Study, snapshot: &Snapshot<'_>, slot: u32, target: String)
     let edits_max = study.search.as_ref().and_then(|search| search.edits_max).unwrap_or(1);
     let mut stream = stream(study, snapshot.spec, snapshot.event.epoch, slot, "patch");
     let places = Places { contract, values: &values, closed: &study.without.closed() };
-    let patch = random_patch((&parent.program, parent.hash), &places, edits_max, &mut stream);
+    let patch = random_patch(&parent.program, parent.hash, &places, edits_max, &mut stream);
     let proposal =
         Proposal { exchanges: Vec::new(), rounds: vec![Round { patch: Some(patch.clone()), reviews: Vec::new() }] };
     let reached = Reached::Proposed { patch: Box::new(patch), verdict: None };

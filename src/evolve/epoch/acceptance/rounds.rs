@@ -18,7 +18,8 @@ pub fn record(
     state: &State,
     spec: &LineageSpec,
     options: &SafebenchOptions,
-    (parent, parent_score): (&SolutionId, &Score),
+    parent: &SolutionId,
+    parent_score: &Score,
     desk: &mut Desk<'_>,
 ) -> Result<(), RunError> {
     let mut archive = SceneArchive::default();

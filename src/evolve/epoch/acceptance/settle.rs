@@ -40,7 +40,8 @@ pub fn settle(
     state: &mut State,
     snapshot: &Snapshot<'_>,
     judged: EpochVerdicts,
-    (refit, tools): (Refit, &Tools<'_>),
+    refit: Refit,
+    tools: &Tools<'_>,
 ) -> Result<Settled, RunError> {
     let threads = tools.threads;
     let (lineage, epoch) = (&snapshot.spec.id, snapshot.event.epoch);
@@ -58,7 +59,7 @@ pub fn settle(
     for attempt in &judged.attempts {
         let parent = snapshot.parent_of(attempt.slot);
         let near = near(attempt, parent, tools)?;
-        let change = change((study, &snapshot.conflicts), attempt, &parent.score, near);
+        let change = change(study, &snapshot.conflicts, attempt, &parent.score, near);
         changes.extend(change.map(|change| (attempt.id.clone(), change)));
     }
     let cards = cards(study, snapshot, &judged, &changes)?;

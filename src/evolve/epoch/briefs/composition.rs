@@ -73,10 +73,10 @@ fn tried(
         template: Some(template.clone()),
     };
     let program = study.composed_parent(spec, &[alone])?;
-    let hash = program.hash()?;
+    let subject = program.hashed()?;
     let counsels = Counsels::default();
     let labelling = Labelling { study, spec, counsels: &counsels, tools: &desk.tools };
-    match labelling.score((&program, hash), places) {
+    match labelling.score(subject, places) {
         Ok(score) => Ok(TemplateTrial::of(template.clone(), &score)),
         // No scene of its kind, or none that it can be drawn in: nothing is known of it, and the run goes on.
         Err(RunError::Evaluation(EvaluationError::NoLabel(_))) => Ok(TemplateTrial::unseen(template.clone())),

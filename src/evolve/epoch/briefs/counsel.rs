@@ -31,7 +31,7 @@ use crate::evaluation::{EvaluationError, RolloutCache};
 use crate::kernel::{Digest, Pose};
 use crate::llm::ModelSpec;
 use crate::objects::{
-    Counsel, Counselled, Program, Role,
+    Counsel, Counselled, HashedProgram, Program, Role,
     counsel::{EgoPlace, Trial, Vehicle},
     event::kind,
 };
@@ -153,10 +153,11 @@ impl Rehearsal<'_> {
         let nobody = Counsels::default();
         let labelling = Labelling { study, spec, counsels: &nobody, tools: self.tools };
         let hash = self.prepared.hash();
-        if labelling.want_label((self.blind, hash), place, Some(counsel))? {
+        let blind = HashedProgram { program: self.blind, hash };
+        if labelling.want_label(blind, place, Some(counsel))? {
             return Err(RunError::Wanting);
         }
-        labelling.note_label((self.blind, hash), place, Some(counsel))?;
+        labelling.note_label(blind, place, Some(counsel))?;
         let key = labelling.label_key(hash, place, Some(counsel))?;
         let record = match self.tools.rollouts.recorded(&key)? {
             Some((record, _)) => record,

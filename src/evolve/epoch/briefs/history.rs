@@ -20,7 +20,8 @@ const PROBLEM_CHARS: usize = 160;
 /// Returns what a simulated attempt changed; `None` where there are no labels. `parent` is its parent's score on its window. Clusters
 /// are those of `conflicts`, where there are any.
 pub fn change(
-    (study, conflicts): (&Study, &BTreeMap<String, &'static str>),
+    study: &Study,
+    conflicts: &BTreeMap<String, &'static str>,
     attempt: &Attempt,
     parent: &Score,
     near: Option<[usize; 2]>,

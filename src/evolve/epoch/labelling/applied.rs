@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::labels::record;
 use super::play::{Traced, traced};
 use super::rollouts::record_digest;
-use crate::backend::{Backend, NoOutcome, ProgramContext};
+use crate::backend::{Backend, DriveContext, NoOutcome, ProgramContext};
 use crate::compiler::{Prepared, Situation};
 use crate::ego::Policy;
 use crate::epoch::RunError;
@@ -117,8 +117,12 @@ impl Applied<'_> {
     /// Why there is none, as text.
     pub fn trace(&self, program: &Program, entry: &SceneEntry) -> Result<Traced, String> {
         let prepared = Prepared::new(program, self.source).map_err(|failure| failure.to_string())?;
-        let drawn = (self.seed, self.counsel(entry), under(program, &prepared));
-        traced(&self.backend, &prepared, &self.situation(entry)?, drawn, (entry, self.ego))
+        let (counsel, context) = (self.counsel(entry), self.context(under(program, &prepared)));
+        traced(&self.backend, &prepared, &self.situation(entry)?, counsel, context, entry, self.ego)
+    }
+
+    fn context(&self, under: ProgramContext) -> DriveContext {
+        DriveContext { seed: self.seed, under }
     }
 
     fn situation(&self, entry: &SceneEntry) -> Result<Situation, String> {
@@ -126,7 +130,7 @@ impl Applied<'_> {
             let own = Situation::under(entry.prepared.clone(), self.ego, self.simulator);
             return own.map_err(|error| error.to_string());
         }
-        let around = situations::around(&entry.prepared, self.simulator, (self.ego, self.seed), &self.backend);
+        let around = situations::around(&entry.prepared, self.simulator, self.ego, self.seed, &self.backend);
         around.map_err(NoOutcome::reason)
     }
 
@@ -145,7 +149,7 @@ impl Applied<'_> {
             let compiled = compiled.map_err(|failure| failure.to_string())?;
             let outcome = self
                 .backend
-                .rollout(&situation.plant, &compiled.intervention, self.ego, (self.seed, under))
+                .rollout(&situation.plant, &compiled.intervention, self.ego, self.context(under))
                 .map_err(NoOutcome::reason)?;
             record(entry, self.ego, prepared, situation.ego_meets, &compiled.decision, outcome)
         };

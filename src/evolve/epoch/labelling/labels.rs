@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::made::{Lazy, Made};
 use super::rollouts::TrialRecord;
 use super::standings::Standing;
-use crate::backend::{Backend, NoOutcome, ProgramContext};
+use crate::backend::{Backend, DriveContext, NoOutcome};
 use crate::candidates::Trials;
 use crate::compiler::{Decision, Prepared};
 use crate::ego::Policy;
@@ -19,7 +19,7 @@ use crate::evaluation::{
     EvaluationError, RolloutRecord, SceneRef, Subject, Written, evaluate, label_one, over_egos, request_key,
 };
 use crate::kernel::{Digest, Seed, canon::CanonError};
-use crate::objects::{Counsel, Probe, ProbePair, Program, Score};
+use crate::objects::{Counsel, HashedProgram, Probe, ProbePair, Program, Score};
 use crate::sim::{ActorRef, Intervention, Outcome, Plant};
 use crate::stage::Situation;
 use crate::store::MemoKind;
@@ -44,8 +44,8 @@ impl<'a> Labelling<'a> {
 }
 
 impl Labelling<'_> {
-    /// Labels a program, given with its hash, on the scenes at these places.
-    pub fn score(&self, subject: (&Program, Digest), places: &[usize]) -> Result<Score, RunError> {
+    /// Labels a program on the scenes at these places.
+    pub fn score(&self, subject: HashedProgram<'_>, places: &[usize]) -> Result<Score, RunError> {
         self.note(subject, places)?;
         if self.want(subject, places)? > 0 {
             return Err(RunError::Wanting);
@@ -62,7 +62,7 @@ impl Labelling<'_> {
     }
 
     /// Labels a program against this lineage's one driver.
-    fn against_one(&self, subject: (&Program, Digest), places: &[usize]) -> Result<Score, RunError> {
+    fn against_one(&self, subject: HashedProgram<'_>, places: &[usize]) -> Result<Score, RunError> {
         let Labelling { study, tools, .. } = *self;
         let asked = Asked::of(self, subject, places)?;
         let label = |i: usize| asked.label(i);
@@ -71,7 +71,7 @@ impl Labelling<'_> {
 
     /// Labels a program in our own simulator on the scenes at these places, where another simulator makes the labels. Plays the commands
     /// that the other one will get. `None` where no scene can be labelled.
-    pub fn predicted(&self, subject: (&Program, Digest), places: &[usize]) -> Result<Option<Score>, RunError> {
+    pub fn predicted(&self, subject: HashedProgram<'_>, places: &[usize]) -> Result<Option<Score>, RunError> {
         let Labelling { study, tools, .. } = *self;
         tools.go_on()?;
         let asked = Asked::of(self, subject, places)?;
@@ -99,7 +99,7 @@ impl Labelling<'_> {
         }
         if tools.wanted.is_some() {
             let want = |(&(hash, places), program): (&(Digest, &[usize]), &&Program)| {
-                self.want((program, hash), places).map(drop)
+                self.want(HashedProgram { program, hash }, places).map(drop)
             };
             return distinct.iter().try_for_each(want);
         }
@@ -108,7 +108,7 @@ impl Labelling<'_> {
     }
 
     /// Asks a plan for the labels that are not on record, and says how many these are; 0 where no plan is made.
-    pub fn want(&self, subject: (&Program, Digest), places: &[usize]) -> Result<usize, RunError> {
+    pub fn want(&self, subject: HashedProgram<'_>, places: &[usize]) -> Result<usize, RunError> {
         let mut missing = 0;
         if self.tools.wanted.is_some() {
             for &place in places {
@@ -122,7 +122,7 @@ impl Labelling<'_> {
     }
 
     /// Notes that the way rests on these labels, where somebody keeps a list of that.
-    fn note(&self, subject: (&Program, Digest), places: &[usize]) -> Result<(), RunError> {
+    fn note(&self, subject: HashedProgram<'_>, places: &[usize]) -> Result<(), RunError> {
         if self.tools.noted.is_some() {
             for &place in places {
                 for labelling in self.by_ego() {
@@ -136,7 +136,7 @@ impl Labelling<'_> {
     /// The same of one label.
     pub fn note_label(
         &self,
-        (program, hash): (&Program, Digest),
+        HashedProgram { program, hash }: HashedProgram<'_>,
         place: usize,
         counsel: Option<&Counsel>,
     ) -> Result<(), RunError> {
@@ -152,7 +152,7 @@ impl Labelling<'_> {
     /// Asks a plan for one label, and says whether it is missing. One that was tried in vain is not.
     pub fn want_label(
         &self,
-        (program, hash): (&Program, Digest),
+        HashedProgram { program, hash }: HashedProgram<'_>,
         place: usize,
         counsel: Option<&Counsel>,
     ) -> Result<bool, RunError> {
@@ -185,7 +185,7 @@ impl Labelling<'_> {
     /// Labels a program on the window and on all windows so far.
     pub fn standing(
         &self,
-        subject: (&Program, Digest),
+        subject: HashedProgram<'_>,
         window: &[usize],
         so_far: &[usize],
     ) -> Result<Standing, RunError> {
@@ -200,20 +200,20 @@ impl Labelling<'_> {
     pub fn trials(
         &self,
         probes: &[usize],
-        (child, hash): (&Program, Digest),
-        (parent, parent_hash): (&Program, Digest),
+        child: HashedProgram<'_>,
+        parent: HashedProgram<'_>,
     ) -> Result<Trials, RunError> {
-        if self.want_trials(probes, (child, hash), (parent, parent_hash))? > 0 {
+        if self.want_trials(probes, child, parent)? > 0 {
             return Err(RunError::Wanting);
         }
         let mut trials = Trials::default();
         let drivers = self.by_ego();
-        let (children, parents) = (Lazy::new(child), Lazy::new(parent));
+        let (children, parents) = (Lazy::new(child.program), Lazy::new(parent.program));
         let pair = |nth: usize| -> Result<Result<ProbePair, Option<String>>, RunError> {
             let (place, against) = (probes[nth], &drivers[nth % drivers.len()]);
-            let own = against.trial(place, &children, hash)?;
+            let own = against.trial(place, &children, child.hash)?;
             let (Some(_), None) = (own.intervention, &own.failure) else { return Ok(Err(own.failure.clone())) };
-            let before = against.trial(place, &parents, parent_hash)?;
+            let before = against.trial(place, &parents, parent.hash)?;
             let reported = |trial: &TrialRecord| trial.probe.unwrap_or(Probe::NOTHING);
             let same = before.intervention == own.intervention;
             Ok(Ok(ProbePair { child: reported(&own), parent: reported(&before), same }))
@@ -237,8 +237,8 @@ impl Labelling<'_> {
     pub fn want_trials(
         &self,
         probes: &[usize],
-        (child, hash): (&Program, Digest),
-        (parent, parent_hash): (&Program, Digest),
+        child: HashedProgram<'_>,
+        parent: HashedProgram<'_>,
     ) -> Result<usize, RunError> {
         let (mut missing, mut differing, mut unsure) = (0, false, false);
         if self.tools.wanted.is_none_or(Wanted::tries) {
@@ -251,8 +251,8 @@ impl Labelling<'_> {
             if tried >= TRIED_MIN && (differing || unsure) {
                 break;
             }
-            let own = against.want_trial(place, (child, hash))?;
-            let before = against.want_trial(place, (parent, parent_hash))?;
+            let own = against.want_trial(place, child)?;
+            let before = against.want_trial(place, parent)?;
             match (own, before) {
                 (Some(own), Some(before)) => {
                     differing |= own.intervention.is_some() && own.intervention != before.intervention;
@@ -268,7 +268,7 @@ impl Labelling<'_> {
     fn want_trial(
         &self,
         place: usize,
-        (program, hash): (&Program, Digest),
+        HashedProgram { program, hash }: HashedProgram<'_>,
     ) -> Result<Option<Arc<TrialRecord>>, RunError> {
         let key = self.trial_key(place, hash)?;
         let trial = self.tools.rollouts.tried(&key)?;
@@ -291,8 +291,8 @@ impl Labelling<'_> {
     }
 
     /// A trial, from its record or made now.
-    pub fn tried(&self, place: usize, (program, hash): (&Program, Digest)) -> Result<Arc<TrialRecord>, RunError> {
-        self.trial(place, &Lazy::new(program), hash)
+    pub fn tried(&self, place: usize, subject: HashedProgram<'_>) -> Result<Arc<TrialRecord>, RunError> {
+        self.trial(place, &Lazy::new(subject.program), subject.hash)
     }
 
     fn trial<'p>(&'p self, place: usize, program: &Lazy<'p>, hash: Digest) -> Result<Arc<TrialRecord>, RunError> {
@@ -361,8 +361,8 @@ impl Labelling<'_> {
     ) -> Result<RolloutRecord, NoOutcome> {
         let Labelling { study, spec, tools, .. } = *self;
         self.played(prepared, place, counsel, |situation, intervention| {
-            let drawn = (study.seed, study.under(prepared.hash()));
-            let run = || tools.backend.rollout(&situation.plant, intervention, &spec.ego, drawn);
+            let context = study.drive_context(prepared.hash());
+            let run = || tools.backend.rollout(&situation.plant, intervention, &spec.ego, context);
             let outcome = tools.meter.rollout(&spec.id, run)?;
             Ok((outcome, meets_anyway(&tools.backend, situation, &spec.ego, study.seed)?))
         })
@@ -377,12 +377,13 @@ impl Labelling<'_> {
     ) -> Result<RolloutRecord, NoOutcome> {
         let Labelling { study, spec, .. } = *self;
         self.played(prepared, place, counsel, |situation, intervention| {
-            let drawn = (study.seed, study.under(prepared.hash()));
-            let own = |of: &Intervention| Backend::Own.rollout(&situation.plant, of, &spec.ego, drawn);
-            let anyway = match study.plans_around_backend() {
-                // The situation holds the drive of the other simulator's ego.
-                true => own(&Intervention::default())?.contact.map(|contact| contact.with),
-                false => situation.ego_meets,
+            let context = study.drive_context(prepared.hash());
+            let own = |of: &Intervention| Backend::Own.rollout(&situation.plant, of, &spec.ego, context);
+            // Around another simulator the situation holds the drive of that one's ego.
+            let anyway = if study.plans_around_backend() {
+                own(&Intervention::default())?.contact.map(|contact| contact.with)
+            } else {
+                situation.ego_meets
             };
             Ok((own(intervention)?, anyway))
         })
@@ -408,11 +409,11 @@ impl Labelling<'_> {
 pub fn ahead_of_all(all: &[(Labelling<'_>, &Program, &[usize])], tools: &Tools<'_>) -> Result<(), RunError> {
     let mut alone = Vec::new();
     for (labelling, program, places) in all {
-        let hash = program.hash()?;
-        labelling.note((program, hash), places)?;
-        alone.extend(labelling.by_ego().into_iter().map(|labelling| (labelling, *program, hash, *places)));
+        let subject = program.hashed()?;
+        labelling.note(subject, places)?;
+        alone.extend(labelling.by_ego().into_iter().map(|labelling| (labelling, subject, *places)));
     }
-    let asked = alone.iter().map(|(labelling, program, hash, places)| Asked::of(labelling, (program, *hash), places));
+    let asked = alone.iter().map(|(labelling, subject, places)| Asked::of(labelling, *subject, places));
     let asked = asked.collect::<Result<Vec<_>, _>>()?;
     let each = |program: usize| (0..asked[program].places.len()).map(move |scene| (program, scene));
     let all: Vec<(usize, usize)> = (0..asked.len()).flat_map(each).collect();
@@ -450,7 +451,7 @@ struct Asked<'a> {
 impl<'a> Asked<'a> {
     fn of(
         labelling: &'a Labelling<'a>,
-        (program, hash): (&'a Program, Digest),
+        HashedProgram { program, hash }: HashedProgram<'a>,
         places: &'a [usize],
     ) -> Result<Asked<'a>, RunError> {
         let Labelling { study, spec, counsels, .. } = *labelling;
@@ -489,7 +490,7 @@ impl<'a> Asked<'a> {
 /// The scene at a place without a program, in whoever simulates.
 pub fn undisturbed(study: &Study, spec: &LineageSpec, place: usize, tools: &Tools<'_>) -> Result<Outcome, NoOutcome> {
     let plant = Plant::with_options(study.scenes[place].prepared.clone(), &study.simulator)?;
-    tools.backend.rollout(&plant, &Intervention::default(), &spec.ego, (study.seed, ProgramContext::Plain))
+    tools.backend.rollout(&plant, &Intervention::default(), &spec.ego, DriveContext::plain(study.seed))
 }
 
 /// Returns the key of that rollout in a plan. The recorded answer has a key of its own.
@@ -510,7 +511,7 @@ pub fn meets_anyway(
         Backend::Own => Ok(situation.ego_meets),
         Backend::Other { .. } => {
             let undisturbed =
-                backend.rollout(&situation.plant, &Intervention::default(), ego, (seed, ProgramContext::Plain))?;
+                backend.rollout(&situation.plant, &Intervention::default(), ego, DriveContext::plain(seed))?;
             Ok(undisturbed.contact.map(|contact| contact.with))
         }
     }

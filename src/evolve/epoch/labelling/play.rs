@@ -1,14 +1,13 @@
 //! Rollouts of a recorded run simulated again with the motion behind their labels: for players and exporters.
 
 use super::labels::{meets_anyway, record};
-use crate::backend::{Backend, NoOutcome, ProgramContext};
+use crate::backend::{Backend, DriveContext, NoOutcome};
 use crate::compiler::{Compiled, Decision, Prepared, Situation};
 use crate::ego::Policy;
 use crate::epoch::briefs::counsels::Counsels;
 use crate::epoch::setting::situations::Situations;
 use crate::epoch::setting::study::{LineageSpec, SceneEntry, Study};
 use crate::evaluation::RolloutRecord;
-use crate::kernel::Seed;
 use crate::objects::{Counsel, Counselled, Program};
 use crate::scene::Sample;
 use crate::sim::{Intervention, Outcome, Timeline, Trace, commands};
@@ -41,8 +40,8 @@ impl<'s> Player<'s> {
 
     /// The rollout of a program in the scene at a place. A text is the reason why there is none.
     pub fn trace(&self, spec: &LineageSpec, program: &Program, place: usize) -> Result<Traced, String> {
-        self.prepared(spec, program, place, |prepared, situation, drawn| {
-            traced(&self.backend, prepared, situation, drawn, (&self.study.scenes[place], &spec.ego))
+        self.prepared(spec, program, place, |prepared, situation, counsel, context| {
+            traced(&self.backend, prepared, situation, counsel, context, &self.study.scenes[place], &spec.ego)
         })
     }
 
@@ -51,11 +50,11 @@ impl<'s> Player<'s> {
     /// # Errors
     /// The reason why there is no rollout.
     pub fn timeline(&self, spec: &LineageSpec, program: &Program, place: usize) -> Result<Option<Timeline>, String> {
-        self.prepared(spec, program, place, |prepared, situation, (seed, counsel, under)| {
+        self.prepared(spec, program, place, |prepared, situation, counsel, context| {
             let compiled =
-                prepared.compile_counselled(situation, seed, counsel).map_err(|failure| failure.to_string())?;
+                prepared.compile_counselled(situation, context.seed, counsel).map_err(|failure| failure.to_string())?;
             let (plant, ego) = (&situation.plant, &spec.ego);
-            let explained = self.backend.explained(plant, &compiled.intervention, ego, (seed, under));
+            let explained = self.backend.explained(plant, &compiled.intervention, ego, context);
             Ok(explained.map_err(NoOutcome::reason)?.2)
         })
     }
@@ -65,14 +64,13 @@ impl<'s> Player<'s> {
         spec: &LineageSpec,
         program: &Program,
         place: usize,
-        then: impl FnOnce(&Prepared<'_>, &Situation, (Seed, Option<&Counsel>, ProgramContext)) -> Result<T, String>,
+        then: impl FnOnce(&Prepared<'_>, &Situation, Option<&Counsel>, DriveContext) -> Result<T, String>,
     ) -> Result<T, String> {
         let source = self.study.source(spec).map_err(|error| error.to_string())?;
         let prepared = Prepared::new(program, source).map_err(|failure| failure.to_string())?;
         let situation = self.situations.at(place, &spec.ego, &self.backend).map_err(NoOutcome::reason)?;
         let counsel = self.counsels.at(self.study, spec, place).map_err(|error| error.to_string())?;
-        let under = self.study.under(prepared.hash());
-        then(&prepared, &situation, (self.study.seed, counsel, under))
+        then(&prepared, &situation, counsel, self.study.drive_context(prepared.hash()))
     }
 
     /// The scene at a place without a program, driven by a lineage's ego: outcome and motion, or the reason why there are none.
@@ -82,8 +80,8 @@ impl<'s> Player<'s> {
     pub fn replay(&self, spec: &LineageSpec, place: usize) -> Result<(Outcome, Trace), String> {
         let situation = self.situations.at(place, &spec.ego, &self.backend).map_err(NoOutcome::reason)?;
         let nothing = Intervention::default();
-        let drawn = (self.study.seed, ProgramContext::Plain);
-        self.backend.traced(&situation.plant, &nothing, &spec.ego, drawn).map_err(NoOutcome::reason)
+        let context = DriveContext::plain(self.study.seed);
+        self.backend.traced(&situation.plant, &nothing, &spec.ego, context).map_err(NoOutcome::reason)
     }
 }
 
@@ -92,14 +90,15 @@ pub fn traced(
     backend: &Backend<'_>,
     prepared: &Prepared<'_>,
     situation: &Situation,
-    (seed, counsel, under): (Seed, Option<&Counsel>, ProgramContext),
-    (entry, ego): (&SceneEntry, &Policy),
+    counsel: Option<&Counsel>,
+    context: DriveContext,
+    entry: &SceneEntry,
+    ego: &Policy,
 ) -> Result<Traced, String> {
     let Compiled { decision, intervention } =
-        prepared.compile_counselled(situation, seed, counsel).map_err(|failure| failure.to_string())?;
-    let drawn = (seed, under);
-    let (outcome, motion) = backend.traced(&situation.plant, &intervention, ego, drawn).map_err(NoOutcome::reason)?;
-    let anyway = meets_anyway(backend, situation, ego, seed).map_err(NoOutcome::reason)?;
+        prepared.compile_counselled(situation, context.seed, counsel).map_err(|failure| failure.to_string())?;
+    let (outcome, motion) = backend.traced(&situation.plant, &intervention, ego, context).map_err(NoOutcome::reason)?;
+    let anyway = meets_anyway(backend, situation, ego, context.seed).map_err(NoOutcome::reason)?;
     let record = record(entry, ego, prepared, anyway, &decision, outcome)?;
     let commanded = commands(&situation.plant, &intervention);
     Ok(Traced { record, decision, intervention, commanded, motion })

@@ -19,6 +19,13 @@ pub enum Mode {
     Verify,
 }
 
+/// Number of rollouts that were read from the store, and of those that were simulated.
+#[derive(Clone, Copy, Debug)]
+pub struct RolloutCounts {
+    pub reused: usize,
+    pub simulated: usize,
+}
+
 /// Record of the compile gate's trial of one program on one scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -131,10 +138,10 @@ impl<'a> Rollouts<'a> {
         self.seen().records.len()
     }
 
-    /// Returns how many of them were read from the store, and how many were simulated.
-    pub fn counts(&self) -> (usize, usize) {
+    /// Returns how they came about.
+    pub fn counts(&self) -> RolloutCounts {
         let seen = self.seen();
-        (seen.reused, seen.simulated)
+        RolloutCounts { reused: seen.reused, simulated: seen.simulated }
     }
 
     /// Returns `true` if a request has a record in the store. The record is not read.

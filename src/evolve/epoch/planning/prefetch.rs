@@ -19,7 +19,9 @@ use crate::epoch::slots::probes::probes;
 use crate::kernel::Digest;
 use crate::llm::{Cassette, Recorded};
 use crate::objects::event::{ParentAdopted, kind};
-use crate::objects::{Advice, AttemptId, Counselled, LineageId, Program, ProgramPatch, Role, SolutionId};
+use crate::objects::{
+    Advice, AttemptId, Counselled, HashedProgram, LineageId, Program, ProgramPatch, Role, SolutionId,
+};
 use crate::store::Event;
 
 /// Asks the plan for trials and labels of the programs that a lineage starts with and of those that recorded answers
@@ -31,7 +33,7 @@ pub fn prefetch(study: &Study, events: &[Event], recorded: &Cassette, tools: &To
         let Some(adopted) = parents.iter().find(|adopted| adopted.lineage == spec.id) else { continue };
         let ahead = Ahead { study, spec, counsels: &counsels, tools };
         let patches = approved(recorded, &spec.id, study);
-        ahead.lineage((&adopted.program, adopted.program_hash), &patches)?;
+        ahead.lineage(HashedProgram { program: &adopted.program, hash: adopted.program_hash }, &patches)?;
     }
     Ok(())
 }
@@ -90,18 +92,19 @@ type Known = BTreeMap<String, (Program, Digest)>;
 type Tried = (Option<(Program, Digest)>, Option<RunError>);
 
 impl Ahead<'_> {
-    fn lineage(&self, first: (&Program, Digest), patches: &[(u32, u32, ProgramPatch)]) -> Result<(), RunError> {
+    fn lineage(&self, first: HashedProgram<'_>, patches: &[(u32, u32, ProgramPatch)]) -> Result<(), RunError> {
         let study = self.study;
         // The run labels its parents everywhere, whatever comes of the proposals.
         self.want(first, &study.evolution)?;
         self.want(first, &study.selection)?;
         self.want(first, &study.held_out)?;
-        let mut known = Known::from([(first.1.to_hex(), (first.0.clone(), first.1))]);
+        let mut known = Known::from([(first.hash.to_hex(), (first.program.clone(), first.hash))]);
         for (epoch, slot, patch) in patches {
             let Some((parent, hash)) = known.get(&patch.parent_program_hash).cloned() else { continue };
             // Whoever is edited leads: labelled on all windows so far, and a finalist unless the budget cuts it.
-            self.want((&parent, hash), &study.evolution)?;
-            if let Some((child, hash)) = self.proposal(*epoch, *slot, patch, (&parent, hash))? {
+            let parent = HashedProgram { program: &parent, hash };
+            self.want(parent, &study.evolution)?;
+            if let Some((child, hash)) = self.proposal(*epoch, *slot, patch, parent)? {
                 known.insert(hash.to_hex(), (child, hash));
             }
         }
@@ -115,7 +118,7 @@ impl Ahead<'_> {
         epoch: u32,
         slot: u32,
         patch: &ProgramPatch,
-        (parent, parent_hash): (&Program, Digest),
+        parent: HashedProgram<'_>,
     ) -> Result<Option<(Program, Digest)>, RunError> {
         let Ahead { study, spec, counsels, tools } = *self;
         let labelling = Labelling { study, spec, counsels, tools };
@@ -126,11 +129,11 @@ impl Ahead<'_> {
         let trials_met: Mutex<Tried> = Mutex::default();
         let tried = |program: &Program, hash: Digest| {
             let own = in_effect(study, spec, program, &window)?;
-            let before = in_effect(study, spec, parent, &window)?;
+            let before = in_effect(study, spec, parent.program, &window)?;
             let own = own.as_ref().ok().filter(|_| before.is_ok());
             let before = before.unwrap_or_default();
-            let probes = probes(&window, study.budget.probe_scenes, (program, own), (parent, &before));
-            labelling.trials(&probes, (program, hash), (parent, parent_hash))
+            let probes = probes(&window, study.budget.probe_scenes, program, own, parent.program, &before);
+            labelling.trials(&probes, HashedProgram { program, hash }, parent)
         };
         let compiles = |program: &Program, hash: Digest| {
             let trials = tried(program, hash);
@@ -143,7 +146,7 @@ impl Ahead<'_> {
         };
         let child = SolutionId::new(AttemptId::at(&spec.id, epoch, slot).0);
         let contract = &study.source(spec)?.contract;
-        let admission = candidates::admit(parent, patch, child, &study.judging(contract), &compiles);
+        let admission = candidates::admit(parent.program, patch, child, &study.judging(contract), &compiles);
         let (child, trouble) = trials_met.into_inner().unwrap_or_else(PoisonError::into_inner);
         match trouble {
             None => {}
@@ -152,13 +155,13 @@ impl Ahead<'_> {
             Some(error) => return Err(error),
         }
         if let Some(candidate) = &admission.candidate {
-            self.want((&candidate.program, candidate.program_hash), &window)?;
+            self.want(candidate.hashed(), &window)?;
         }
         Ok(child)
     }
 
     /// Labels on those of the scenes that are open to the lineage.
-    fn want(&self, subject: (&Program, Digest), places: &[usize]) -> Result<(), RunError> {
+    fn want(&self, subject: HashedProgram<'_>, places: &[usize]) -> Result<(), RunError> {
         let Ahead { study, spec, counsels, tools } = *self;
         Labelling { study, spec, counsels, tools }.want(subject, &self.open(places)).map(drop)
     }

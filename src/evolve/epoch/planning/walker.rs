@@ -58,7 +58,7 @@ fn gone(study: &Study, walk: &LineageJob, carried: &CarriedAnswers<'_>, desk: &m
             }
         }
         let (snapshot, judged) = judge(study, &state, epoch, spec, &desk.tools)?;
-        settle(study, &mut state, &snapshot, judged, (Refit::Now, &desk.tools))?;
+        settle(study, &mut state, &snapshot, judged, Refit::Now, &desk.tools)?;
     }
     finale::one_lineage(study, &mut state, spec, desk).map(drop)
 }

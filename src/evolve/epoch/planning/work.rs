@@ -12,7 +12,7 @@ use crate::epoch::setting::desk::Tools;
 use crate::epoch::setting::study::{LineageSpec, Study};
 use crate::evaluation::{EvaluationError, RolloutCache};
 use crate::kernel::Digest;
-use crate::objects::Program;
+use crate::objects::{HashedProgram, Program};
 
 /// Result of a task.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -67,9 +67,11 @@ impl<'a> Workbench<'a> {
         let at = self.task_at(task)?;
         let absent = || RunError::Study(format!("a task of {} has no program", task.scene()));
         match task {
-            Task::Label { program: hash, .. } => self.label(task, (program.ok_or_else(absent)?, *hash), &at),
+            Task::Label { program: hash, .. } => {
+                self.label(task, HashedProgram { program: program.ok_or_else(absent)?, hash: *hash }, &at)
+            }
             Task::Trial { program: hash, .. } => {
-                let subject = (program.ok_or_else(absent)?, *hash);
+                let subject = HashedProgram { program: program.ok_or_else(absent)?, hash: *hash };
                 self.labelling(&at).tried(at.place, subject)?;
                 Ok(Done::Record)
             }
@@ -80,12 +82,12 @@ impl<'a> Workbench<'a> {
         }
     }
 
-    fn label(&self, task: &Task, (program, hash): (&Program, Digest), at: &TaskAt<'_>) -> Result<Done, RunError> {
-        let key = self.labelling(at).label_key(hash, at.place, task.counsel())?;
+    fn label(&self, task: &Task, subject: HashedProgram<'_>, at: &TaskAt<'_>) -> Result<Done, RunError> {
+        let key = self.labelling(at).label_key(subject.hash, at.place, task.counsel())?;
         if self.tools.rollouts.recorded(&key)?.is_some() {
             return Ok(Done::Record);
         }
-        let prepared = match Prepared::new(program, self.study.source(at.spec)?) {
+        let prepared = match Prepared::new(subject.program, self.study.source(at.spec)?) {
             Ok(prepared) => prepared,
             Err(failure) => return Ok(Done::NoLabel(failure.to_string())),
         };

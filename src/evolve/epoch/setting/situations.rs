@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 use super::study::{LineageSpec, Study};
-use crate::backend::{Backend, NoOutcome, ProgramContext};
+use crate::backend::{Backend, DriveContext, NoOutcome};
 use crate::ego::Policy;
 use crate::kernel::Seed;
 use crate::scene::PreparedScene;
@@ -61,7 +61,7 @@ impl Situations {
             return Ok(built.clone()?);
         }
         // A reason to stop is not kept: it is no property of the scene.
-        let built = match around(prepared, &self.simulator, (ego, self.seed), backend) {
+        let built = match around(prepared, &self.simulator, ego, self.seed, backend) {
             Ok(situation) => Ok(Arc::new(situation)),
             Err(NoOutcome::Scene(why)) => Err(why.to_string()),
             Err(stop) => return Err(stop),
@@ -74,12 +74,13 @@ impl Situations {
 pub fn around(
     prepared: &Arc<PreparedScene>,
     simulator: &SimulatorOptions,
-    (ego, seed): (&Policy, Seed),
+    ego: &Policy,
+    seed: Seed,
     backend: &Backend<'_>,
 ) -> Result<Situation, NoOutcome> {
     let plant = Plant::with_options(prepared.clone(), simulator)?;
-    let drive = backend.traced(&plant, &Intervention::default(), ego, (seed, ProgramContext::Plain))?;
-    Ok(Situation::around(prepared.clone(), plant, ego, drive))
+    let (outcome, trace) = backend.traced(&plant, &Intervention::default(), ego, DriveContext::plain(seed))?;
+    Ok(Situation::around(prepared.clone(), plant, ego, outcome, trace))
 }
 
 #[cfg(test)]

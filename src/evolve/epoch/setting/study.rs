@@ -8,7 +8,7 @@ use crate::adapters::{Contract, Registry};
 use crate::agents::Questions;
 use crate::archive::search::{Method, SearchOptions};
 use crate::archive::{ArchiveOptions, SelectorOptions};
-use crate::backend::{BackendOptions, PlanAround, ProgramContext};
+use crate::backend::{BackendOptions, DriveContext, PlanAround, ProgramContext};
 use crate::candidates::Judging;
 use crate::ego::Policy;
 use crate::epoch::RunError;
@@ -263,8 +263,8 @@ impl Study {
     }
 
     /// Returns what a planner that is not blind is told of a program.
-    pub fn under(&self, hash: Digest) -> ProgramContext {
-        ProgramContext::program(hash, self.parents.contains(&hash))
+    pub fn drive_context(&self, hash: Digest) -> DriveContext {
+        DriveContext { seed: self.seed, under: ProgramContext::program(hash, self.parents.contains(&hash)) }
     }
 
     /// Returns the digest of the simulator for what a program comes to in a scene, before anybody simulates it.

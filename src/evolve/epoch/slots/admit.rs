@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use super::draft::{Draft, Reached, Verdict};
+use super::draft::{Admitted, Draft, Reached, Verdict};
 use super::nothing;
 use super::probes::probes;
 use crate::candidates::{self, Trials};
@@ -13,7 +13,7 @@ use crate::epoch::labelling::labels::Labelling;
 use crate::epoch::setting::desk::Tools;
 use crate::epoch::setting::study::Study;
 use crate::kernel::Digest;
-use crate::objects::{AttemptId, Gate, GateVerdict, Program, ProgramPatch, SolutionId};
+use crate::objects::{AttemptId, Gate, GateVerdict, HashedProgram, Program, ProgramPatch, SolutionId};
 
 /// Judges a proposed patch, if its proposer did not learn the verdict already.
 pub fn admit(study: &Study, snapshot: &Snapshot<'_>, draft: Draft, tools: &Tools<'_>) -> Result<Draft, RunError> {
@@ -31,8 +31,8 @@ fn judged(patch: Box<ProgramPatch>, Verdict { admission, trials, in_effect }: Ve
     match admission.candidate {
         None => Reached::Invalid { gates: admission.gates },
         Some(candidate) => {
-            let (gates, candidate) = (admission.gates, Box::new(candidate));
-            Reached::Admitted { gates, candidate, patch, probes: trials.probes, in_effect }
+            let admitted = Box::new(Admitted { candidate, patch, probes: trials.probes, in_effect });
+            Reached::Admitted { gates: admission.gates, admitted }
         }
     }
 }
@@ -66,13 +66,15 @@ pub fn admission(
         let probes = probes(
             &snapshot.window,
             study.budget.probe_scenes,
-            (program, own.as_ref().ok()),
-            (&parent.program, &parent.in_effect),
+            program,
+            own.as_ref().ok(),
+            &parent.program,
+            &parent.in_effect,
         );
-        let trials = labelling.trials(&probes, (program, hash), (&parent.program, parent.hash))?;
+        let trials = labelling.trials(&probes, HashedProgram { program, hash }, parent.hashed())?;
         let nothing = trials.problems.is_empty() && trials.compared > 0 && trials.differing == 0;
         let why = if nothing && !study.questions.is_plain() {
-            nothing::why(&labelling, (&parent.program, program), patch, &probes)?
+            nothing::why(&labelling, &parent.program, program, patch, &probes)?
         } else {
             Vec::new()
         };

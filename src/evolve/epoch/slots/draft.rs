@@ -46,10 +46,7 @@ pub enum Reached {
     },
     Admitted {
         gates: GateReport,
-        candidate: Box<Candidate>,
-        patch: Box<ProgramPatch>,
-        probes: Vec<ProbePair>,
-        in_effect: Vec<InScene>,
+        admitted: Box<Admitted>,
     },
     Predicted {
         gates: GateReport,
@@ -64,6 +61,15 @@ pub enum Reached {
         routed: Box<RoutedCandidate>,
         score: Score,
     },
+}
+
+/// A candidate that passed the gates, with what they learned of it.
+pub struct Admitted {
+    pub candidate: Candidate,
+    pub patch: Box<ProgramPatch>,
+    pub probes: Vec<ProbePair>,
+    /// Its effect in each scene of the window.
+    pub in_effect: Vec<InScene>,
 }
 
 /// An admitted candidate with what the world evaluator expects of it.

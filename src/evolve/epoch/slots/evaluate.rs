@@ -15,8 +15,7 @@ pub fn evaluate(study: &Study, snapshot: &Snapshot<'_>, draft: Draft, tools: &To
     draft.next(|_, reached| match reached {
         Reached::Routed { mut gates, routed } if !routed.is_rejected() => {
             let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
-            let subject = (&routed.candidate.program, routed.candidate.program_hash);
-            match labelling.score(subject, &snapshot.window) {
+            match labelling.score(routed.candidate.hashed(), &snapshot.window) {
                 Ok(score) => Ok(Reached::Evaluated { gates, routed, score }),
                 Err(RunError::Evaluation(EvaluationError::NoLabel(reason))) => {
                     for verdict in gates.verdicts.iter_mut().filter(|v| v.gate == Gate::Compile) {

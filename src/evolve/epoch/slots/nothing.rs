@@ -14,7 +14,8 @@ const LINES_MAX: usize = 8;
 /// A line for each edited thing, then one on the choice. `places` are the probe scenes.
 pub fn why(
     labelling: &Labelling<'_>,
-    (parent, child): (&Program, &Program),
+    parent: &Program,
+    child: &Program,
     patch: &ProgramPatch,
     places: &[usize],
 ) -> Result<Vec<String>, RunError> {

@@ -38,15 +38,15 @@ pub fn pilot(
         draft.next(|slot, reached| match reached {
             Reached::Predicted { gates, mut predicted } => {
                 let places = places(snapshot, &predicted, &order, &options);
-                let subject = (&predicted.candidate.program, predicted.candidate.program_hash);
-                let score = match places.is_empty() {
-                    true => None,
-                    false => match labelling.score(subject, &places) {
+                let score = if places.is_empty() {
+                    None
+                } else {
+                    match labelling.score(predicted.candidate.hashed(), &places) {
                         Ok(score) => Some(score),
                         // What no scene can label is found, and said, where it is labelled on the whole window.
                         Err(RunError::Evaluation(EvaluationError::NoLabel(_))) => None,
                         Err(error) => return Err(error),
-                    },
+                    }
                 };
                 let ids = places.iter().map(|&place| study.scenes[place].scene().id.clone()).collect();
                 let shown = shown(ids, score.as_ref(), &snapshot.parent_of(slot).score);

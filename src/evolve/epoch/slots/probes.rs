@@ -10,13 +10,15 @@ use crate::objects::Program;
 pub fn probes(
     window: &[usize],
     probe_scenes: usize,
-    (child, own): (&Program, Option<&Vec<InScene>>),
-    (parent, before): (&Program, &[InScene]),
+    child: &Program,
+    own: Option<&Vec<InScene>>,
+    parent: &Program,
+    before: &[InScene],
 ) -> Vec<usize> {
     let wanted = probe_scenes.min(window.len());
     let Some(own) = own else { return window[..wanted].to_vec() };
-    let rules = edited_rules(child, parent);
-    drawn(window, wanted, |at| touched(&own[at], &before[at], &rules))
+    let (added, removed) = edited_rules(child, parent);
+    drawn(window, wanted, |at| touched(&own[at], &before[at], &added, &removed))
 }
 
 /// The scenes in which an edited thing is met first, then the first of the others, in the window's order. `touched` is asked by place in
@@ -59,7 +61,7 @@ fn edited_rules(child: &Program, parent: &Program) -> (Vec<usize>, Vec<usize>) {
     (strange(child, parent), strange(parent, child))
 }
 
-fn touched(new: &InScene, old: &InScene, (added, removed): &(Vec<usize>, Vec<usize>)) -> BTreeSet<Touch> {
+fn touched(new: &InScene, old: &InScene, added: &[usize], removed: &[usize]) -> BTreeSet<Touch> {
     let hold = |of: &InScene, edited: &[usize]| {
         of.rules.iter().copied().filter(|rule| edited.contains(rule)).collect::<Vec<usize>>()
     };
@@ -100,16 +102,16 @@ mod tests {
             vec![rule("kept", "vehicle_count >= 1"), rule("gone", "vehicle_count >= 8")];
         child.scenario_conditioned_policy = vec![rule("kept", "vehicle_count >= 1"), rule("new", "vehicle_count >= 9")];
         let (new, old) = (Prepared::new(&child, &source).unwrap(), Prepared::new(&parent, &source).unwrap());
-        let rules = edited_rules(&child, &parent);
-        assert_eq!(rules, (vec![1], vec![1]));
+        let (added, removed) = edited_rules(&child, &parent);
+        assert_eq!((&added[..], &removed[..]), (&[1][..], &[1][..]));
         let in_scenes = |of: &Prepared<'_>| -> Vec<InScene> {
             (1..=9).map(|vehicles| InScene::of(of, &values_of(vehicles)).unwrap()).collect()
         };
         let (new, old) = (in_scenes(&new), in_scenes(&old));
         let window: Vec<usize> = (0..9).collect();
-        let touches = drawn(&window, 3, |at| touched(&new[at], &old[at], &rules));
+        let touches = drawn(&window, 3, |at| touched(&new[at], &old[at], &added, &removed));
         assert_eq!(touches, [0, 7, 8], "the first scene, the one of the rule that is gone, the one of the new rule");
-        let nothing_edited = drawn(&window, 3, |at| touched(&old[at], &old[at], &(vec![], vec![])));
+        let nothing_edited = drawn(&window, 3, |at| touched(&old[at], &old[at], &[], &[]));
         assert_eq!(nothing_edited, [0, 1, 2]);
     }
 }

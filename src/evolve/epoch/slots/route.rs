@@ -1,15 +1,14 @@
 //! The world evaluator predicts what rollouts would show, candidate by candidate, and says behind the barrier who gets those
 //! of the epoch's budget.
 
-use super::draft::{Draft, Predicted, Reached, RoutedCandidate};
+use super::draft::{Admitted, Draft, Predicted, Reached, RoutedCandidate};
 use crate::epoch::RunError;
 use crate::epoch::acceptance::rival;
-use crate::epoch::briefs::in_effect::InScene;
 use crate::epoch::freeze::{Parent, Snapshot};
 use crate::epoch::labelling::labels::Labelling;
 use crate::epoch::setting::desk::Tools;
 use crate::epoch::setting::study::Study;
-use crate::objects::{Candidate, Objectives, ProbePair, ProgramPatch, Route};
+use crate::objects::{Candidate, Objectives, Route};
 use crate::world::{CandidateView, Prediction, Router, SceneView, audit_stream, pair_row, row};
 
 /// A worker's last step: predicts an admitted candidate.
@@ -21,11 +20,10 @@ pub fn predict(
     tools: &Tools<'_>,
 ) -> Result<Draft, RunError> {
     draft.next(|slot, reached| match reached {
-        Reached::Admitted { gates, candidate, patch, probes, in_effect } => {
+        Reached::Admitted { gates, admitted } => {
             let parent = snapshot.parent_of(slot);
-            let known = (patch.as_ref(), probes.as_slice(), in_effect.as_slice());
-            let simulated = simulated(study, snapshot, parent, &candidate, tools)?;
-            let predicted = Box::new(predicted(study, snapshot, router, parent, (*candidate, known), simulated)?);
+            let simulated = simulated(study, snapshot, parent, &admitted.candidate, tools)?;
+            let predicted = Box::new(predicted(study, snapshot, router, parent, *admitted, simulated)?);
             Ok(Reached::Predicted { gates, predicted })
         }
         ended => Ok(ended),
@@ -45,8 +43,8 @@ fn simulated(
         return Ok(None);
     }
     let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
-    let own = labelling.predicted((&candidate.program, candidate.program_hash), &snapshot.window)?;
-    let before = labelling.predicted((&parent.program, parent.hash), &snapshot.window)?;
+    let own = labelling.predicted(candidate.hashed(), &snapshot.window)?;
+    let before = labelling.predicted(parent.hashed(), &snapshot.window)?;
     let difference = own.zip(before).map(|(own, before)| own.objectives.less(&before.objectives));
     Ok(Some(difference.unwrap_or(Objectives { attack: 0.0, realism: 0.0 })))
 }
@@ -56,11 +54,11 @@ fn predicted(
     snapshot: &Snapshot<'_>,
     router: &Router<'_>,
     parent: &Parent,
-    (candidate, (patch, probes, child)): (Candidate, (&ProgramPatch, &[ProbePair], &[InScene])),
+    Admitted { candidate, patch, probes, in_effect }: Admitted,
     simulated: Option<Objectives>,
 ) -> Result<Predicted, RunError> {
     let open: Vec<bool> =
-        child.iter().zip(&parent.in_effect).map(|(child, parent)| child.digest != parent.digest).collect();
+        in_effect.iter().zip(&parent.in_effect).map(|(child, parent)| child.digest != parent.digest).collect();
     let scenes = snapshot.window.iter().zip(&open).map(|(&place, &open)| {
         let entry = &study.scenes[place];
         SceneView { id: &entry.scene().id, features: entry.features(), interaction: &entry.interaction, open }
@@ -68,15 +66,15 @@ fn predicted(
     let view = CandidateView {
         program: &candidate.program,
         parent: &parent.program,
-        patch,
+        patch: &patch,
         mechanism_tags: &candidate.mechanism_tags,
         parent_score: &parent.score,
-        probes,
+        probes: &probes,
         simulated,
     };
     let (world, scenes) = (&snapshot.world, scenes.collect::<Vec<_>>());
     let row = match world.configuration.pairs {
-        Some(_) => pair_row(&world.schema, &view, (snapshot.spec.ego.name(), world.fit.as_ref()), &scenes)?,
+        Some(_) => pair_row(&world.schema, &view, snapshot.spec.ego.name(), world.fit.as_ref(), &scenes)?,
         None => row(&world.schema, &view, &scenes)?,
     };
     let prediction = router.predict(&row)?;

@@ -93,7 +93,7 @@ proptest! {
         let mut file = published(source.contract.family.as_str());
         for _ in 0..steps {
             let hash = file.program.hash().unwrap();
-            let patch = crate::candidates::random_patch((&file.program, hash), &places, 3, &mut stream);
+            let patch = crate::candidates::random_patch(&file.program, hash, &places, 3, &mut stream);
             let child = SolutionId::new(format!("{}/e0s0", file.program.lineage_id));
             // Edits of one node's settings and kind may not fit together; a program that is no program has no file.
             let Ok(child) = crate::candidates::apply(&file.program, hash, &patch, child) else { continue };

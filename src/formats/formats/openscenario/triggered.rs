@@ -43,7 +43,8 @@ pub struct TriggeredScenario {
 pub fn triggered(
     scene: &Scene,
     scripts: &[Script],
-    (town, road_file): (Option<&str>, &str),
+    town: Option<&str>,
+    road_file: &str,
     revision: Revision,
 ) -> Result<TriggeredScenario, ExportError> {
     sound(scene)?;
@@ -54,7 +55,8 @@ pub fn triggered(
     }
     let route = Polyline::new(scene.ego.route.clone()).map_err(|_| lacks("route of the ego"))?;
     let mut notes = Vec::new();
-    let staged = Scene { tracks: scripts.iter().enumerate().map(standing).collect(), ..scene.clone() };
+    let staged =
+        Scene { tracks: scripts.iter().enumerate().map(|(k, script)| standing(k, script)).collect(), ..scene.clone() };
     let xodr = town.is_none().then(|| write::network(scene, &mut notes));
     let cast = Cast::of(&staged);
     let mut teller = Teller { scene: &staged, route, cast: &cast, scripts, revision, notes };
@@ -91,7 +93,7 @@ pub fn triggered(
 }
 
 /// Returns a scripted road user as a track that stands.
-fn standing((k, script): (usize, &Script)) -> Track {
+fn standing(k: usize, script: &Script) -> Track {
     let heading_rad = num::wrap_angle(script.spawn.heading_rad);
     let sample = Sample { position: script.spawn.position, heading_rad, velocity: Vec2::ZERO };
     let Script { kind, length_m, width_m, .. } = *script;
@@ -263,7 +265,7 @@ impl Teller<'_> {
                 xml.within("Act", &[("name", &"act")], |xml| {
                     let actors = self.cast.members.iter().filter(|member| !member.is_ego);
                     for ((k, member), told) in actors.enumerate().zip(events).filter(|(_, told)| !told.is_empty()) {
-                        self.group(xml, (k, member), told);
+                        self.group(xml, k, member, told);
                     }
                     xml.within("StartTrigger", &[], |xml| after(xml, "act starts", 0));
                 });
@@ -313,7 +315,7 @@ impl Teller<'_> {
         });
     }
 
-    fn group(&self, xml: &mut Xml, (k, member): (usize, &Member<'_>), told: &[Told]) {
+    fn group(&self, xml: &mut Xml, k: usize, member: &Member<'_>, told: &[Told]) {
         let name = &member.name;
         xml.within("ManeuverGroup", &[("name", &format!("group_{name}")), ("maximumExecutionCount", &1)], |xml| {
             xml.within("Actors", &[("selectTriggeringEntities", &"false")], |xml| {
@@ -328,7 +330,7 @@ impl Teller<'_> {
                     xml.within("Event", &attributes, |xml| {
                         for (a, does) in event.does.iter().enumerate() {
                             xml.within("Action", &[("name", &format!("{own}_action_{a}"))], |xml| {
-                                xml.within("PrivateAction", &[], |xml| self.act(xml, &own, (k, does)));
+                                xml.within("PrivateAction", &[], |xml| self.act(xml, &own, k, does));
                             });
                         }
                         xml.within("StartTrigger", &[], |xml| match &event.when {
@@ -341,7 +343,7 @@ impl Teller<'_> {
         });
     }
 
-    fn act(&self, xml: &mut Xml, own: &str, (k, does): (usize, &Does)) {
+    fn act(&self, xml: &mut Xml, own: &str, k: usize, does: &Does) {
         match does {
             Does::Speed { from_mps, to_mps } => self.speed(xml, k, *to_mps >= *from_mps, |xml| {
                 xml.empty("AbsoluteTargetSpeed", &[("value", &decimal(*to_mps))]);
@@ -365,7 +367,7 @@ impl Teller<'_> {
                 });
             }
             Does::Along { points, about_mps } => xml.within("RoutingAction", &[], |xml| {
-                xml.within("FollowTrajectoryAction", &[], |xml| self.along(xml, own, (points, *about_mps)));
+                xml.within("FollowTrajectoryAction", &[], |xml| self.along(xml, own, points, *about_mps));
             }),
             Does::Aside { left_m, over_m } => {
                 let attributes: [Attribute<'_>; 1] = [("continuous", &"false")];
@@ -406,7 +408,7 @@ impl Teller<'_> {
     }
 
     /// Writes a way without times: other events request the speeds. ScenarioRunner still reads times.
-    fn along(&self, xml: &mut Xml, own: &str, (points, about_mps): (&[Vec2], f64)) {
+    fn along(&self, xml: &mut Xml, own: &str, points: &[Vec2], about_mps: f64) {
         let trajectory = |xml: &mut Xml| {
             xml.within("Trajectory", &[("name", &format!("way_{own}")), ("closed", &"false")], |xml| {
                 xml.within("Shape", &[], |xml| {
@@ -438,7 +440,7 @@ impl Teller<'_> {
         let reference = &self.cast.members[1 + trigger.reference.min(self.scripts.len() - 1)].name;
         let ego = &self.cast.members[0].name;
         xml.within("ConditionGroup", &[], |xml| {
-            self.near(xml, &format!("ego_near_{k}"), (ego, reference), trigger.distance_m);
+            self.near(xml, &format!("ego_near_{k}"), ego, reference, trigger.distance_m);
             if trigger.ego_speed_mps_min > 0.0 {
                 condition(xml, &format!("ego_moves_{k}"), 0.0, |xml| {
                     by_entity(xml, ego, |xml| {
@@ -451,7 +453,7 @@ impl Teller<'_> {
     }
 
     /// Writes the condition that two road users are nearer than this, centre to centre.
-    fn near(&self, xml: &mut Xml, name: &str, (of, to): (&str, &str), m: f64) {
+    fn near(&self, xml: &mut Xml, name: &str, of: &str, to: &str, m: f64) {
         let kind = if self.revision == Revision::V1_0 { "cartesianDistance" } else { "euclidianDistance" };
         condition(xml, name, 0.0, |xml| {
             by_entity(xml, of, |xml| {
@@ -496,7 +498,7 @@ impl Teller<'_> {
                 begun(xml, state, 0.0);
                 let own = format!("{name}_{i}_{state}");
                 match until {
-                    Until::EgoWithin { m } => self.near(xml, &own, (name, &self.cast.members[0].name), *m),
+                    Until::EgoWithin { m } => self.near(xml, &own, name, &self.cast.members[0].name, *m),
                     Until::Driven { m } => condition(xml, &own, 0.0, |xml| {
                         by_entity(xml, name, |xml| xml.empty("TraveledDistanceCondition", &[("value", &decimal(*m))]));
                     }),
@@ -559,7 +561,7 @@ mod tests {
     }
 
     fn text(scripts: &[Script], town: Option<&str>, revision: Revision) -> String {
-        String::from_utf8(triggered(&scene(), scripts, (town, "road.xodr"), revision).unwrap().xosc).unwrap()
+        String::from_utf8(triggered(&scene(), scripts, town, "road.xodr", revision).unwrap().xosc).unwrap()
     }
 
     /// Finds all elements of a name, in document order, each with its contents.
@@ -586,13 +588,9 @@ mod tests {
     fn the_adversary_waits_for_the_ego_which_is_free_on_the_towns_own_road() {
         let phases = vec![Phase::straight(5.0, Until::Driven { m: 12.5 }), Phase::straight(2.0, Until::Forever)];
         for revision in [Revision::V1_0, Revision::V1_2] {
-            let made = triggered(
-                &scene(),
-                &[script(AgentKind::Vehicle, phases.clone())],
-                (Some("Town01"), "r.xodr"),
-                revision,
-            )
-            .unwrap();
+            let made =
+                triggered(&scene(), &[script(AgentKind::Vehicle, phases.clone())], Some("Town01"), "r.xodr", revision)
+                    .unwrap();
             assert_eq!(made.xodr, None, "the player has the town");
             let text = String::from_utf8(made.xosc).unwrap();
             let document = Document::parse("t.xosc", text.as_bytes()).unwrap();
@@ -635,7 +633,7 @@ mod tests {
         let mps = vec![1.0, 2.5, 0.5];
         let profile = Phase { speed: Speed::Profile { mps }, ..Phase::straight(0.0, Until::Driven { m: 40.0 }) };
         let scripts = [script(AgentKind::Pedestrian, vec![profile])];
-        let made = triggered(&scene(), &scripts, (None, "road.xodr"), Revision::V1_2).unwrap();
+        let made = triggered(&scene(), &scripts, None, "road.xodr", Revision::V1_2).unwrap();
         assert!(made.xodr.is_some());
         let text = text(&scripts, None, Revision::V1_2);
         let document = Document::parse("t.xosc", text.as_bytes()).unwrap();
@@ -672,14 +670,14 @@ mod tests {
     #[test]
     fn what_the_format_has_no_word_for_is_refused() {
         let refused = |phases| {
-            let made = triggered(&scene(), &[script(AgentKind::Vehicle, phases)], (None, "r.xodr"), Revision::V1_2);
+            let made = triggered(&scene(), &[script(AgentKind::Vehicle, phases)], None, "r.xodr", Revision::V1_2);
             made.unwrap_err().to_string()
         };
         let turn = Phase { way: Way::Turn { left_rad: 1.0, radius_m: 8.0 }, ..Phase::straight(5.0, Until::Forever) };
         assert!(refused(vec![turn]).contains("turn that begins where the ego comes near"));
         let wheel = Phase { way: Way::Wheel { rad: vec![0.1] }, ..Phase::straight(5.0, Until::Forever) };
         assert!(refused(vec![wheel]).contains("angles of wheels"));
-        let none = triggered(&scene(), &[], (None, "r.xodr"), Revision::V1_2).unwrap_err().to_string();
+        let none = triggered(&scene(), &[], None, "r.xodr", Revision::V1_2).unwrap_err().to_string();
         assert!(none.contains("scripts that wait for the ego"), "{none}");
     }
 }

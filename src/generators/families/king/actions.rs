@@ -77,7 +77,7 @@ impl Driven for ActionSpace {
     }
 
     fn pull(&self, drive: &Drive, slopes: &[Slope]) -> Vec<f64> {
-        let pulled = pull_back(&self.model, (&drive.states, &drive.turns), &drive.controls, slopes, DT_S);
+        let pulled = pull_back(&self.model, &drive.states, &drive.turns, &drive.controls, slopes, DT_S);
         let mut slope = vec![0.0; self.record.len()];
         for ((k, by), at) in self.held.iter().zip(pulled).zip(&drive.controls) {
             for which in 0..2 {

@@ -197,7 +197,7 @@ fn every_infeasible_candidate_loses_first_and_equal_rewards_make_no_pair() {
     let off_road = Measured::of(&Candidate::new(aside, 0.0), &judged);
     assert!(measured.is_feasible() && !off_road.is_feasible());
     let mut stream = Seed(1).stream(&["pairs"]);
-    let pairs = preferences(&[measured, measured, off_road], (10.0, 1.0), &mut stream);
+    let pairs = preferences(&[measured, measured, off_road], 10.0, 1.0, &mut stream);
     assert_eq!((pairs.feasibility.len(), pairs.reward.len()), (1, 0));
     let departure = measure::FEATURES.iter().position(|f| *f == "road_departure").unwrap();
     assert!(pairs.feasibility[0][departure] < 0.0);

@@ -58,8 +58,9 @@ pub fn experts() -> Result<Experts, TrainingError> {
         let scene = pool_member(&split(), SEED, index)?;
         let group = group(scene, index)?;
         for (expert, pairs) in pairs.iter_mut().enumerate() {
+            let (adversarial, realistic) = REWARDS[expert];
             let mut stream = SEED.stream(&["pairs", &expert.to_string(), &index.to_string()]);
-            let preferred = preferences(&group, REWARDS[expert], &mut stream);
+            let preferred = preferences(&group, adversarial, realistic, &mut stream);
             pairs.feasibility.extend(preferred.feasibility);
             pairs.reward.extend(preferred.reward);
         }
@@ -109,7 +110,7 @@ pub struct Levels {
 }
 
 /// The pairs of one scene.
-pub fn preferences(group: &[Measured], (adversarial, realistic): (f64, f64), stream: &mut Stream) -> Levels {
+pub fn preferences(group: &[Measured], adversarial: f64, realistic: f64, stream: &mut Stream) -> Levels {
     let (feasible, infeasible): (Vec<&Measured>, Vec<&Measured>) = group.iter().partition(|m| m.is_feasible());
     let mut pairs = Levels::default();
     for loser in infeasible {

@@ -143,20 +143,20 @@ pub fn report(
 ) -> Report {
     let started = || pairs.iter().filter(|pair| !pair.proposed);
     let program = |pair: &&Pair| Some(pair.program.clone());
-    let mut rows = vec![agreement((Of::All, "all"), &started().collect::<Vec<_>>())];
+    let mut rows = vec![agreement(Of::All, "all", &started().collect::<Vec<_>>())];
     rows.extend(grouped(Of::Program, started(), program));
     rows.extend(grouped(Of::Family, started(), |pair| pair.family.clone()));
     rows.extend(grouped(Of::Cluster, started(), |pair| Some(pair.cluster.clone())));
     rows.extend(grouped(Of::Proposal, pairs.iter().filter(|pair| pair.proposed), program));
     let disagreements = pairs.iter().filter_map(|pair| disagreement::of(pair, tried)).collect();
     let all: Vec<&Pair> = started().collect();
-    let changes = tried.changes.iter().enumerate().map(|(i, change)| changed(&all, tried.own, (i, change))).collect();
+    let changes = tried.changes.iter().enumerate().map(|(i, change)| changed(&all, tried.own, i, change)).collect();
     let transfers = transfers(pairs, descents);
     Report { backends, same_commands, rows, disagreements, changes, transfers, left_out }
 }
 
 /// The rollouts with the i-th change.
-fn changed(pairs: &[&Pair], own: usize, (i, change): (usize, &str)) -> Change {
+fn changed(pairs: &[&Pair], own: usize, i: usize, change: &str) -> Change {
     let (mut confusion, mut mended, mut broken) = ([0; 4], 0, 0);
     for pair in pairs {
         let Some(&contact) = pair.changed.get(i) else { continue };
@@ -183,10 +183,10 @@ fn grouped<'p>(
             None => groups.push((name, vec![pair])),
         }
     }
-    groups.iter().map(|(name, group)| agreement((of, name), group)).collect()
+    groups.iter().map(|(name, group)| agreement(of, name, group)).collect()
 }
 
-fn agreement((of, row): (Of, &str), pairs: &[&Pair]) -> Agreement {
+fn agreement(of: Of, row: &str, pairs: &[&Pair]) -> Agreement {
     let met = pairs.iter().filter_map(|pair| Some((pair.a.contact.as_ref()?, pair.b.contact.as_ref()?)));
     let met: Vec<(&Meeting, &Meeting)> = met.collect();
     let apart = met.iter().map(|(a, b)| (a.time_s() - b.time_s()).abs()).collect();

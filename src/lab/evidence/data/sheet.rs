@@ -90,22 +90,23 @@ impl<'c, R> Columns<'c, R> {
     fn plain<C: Into<Cell>>(
         self,
         kind: Kind,
-        (name, meaning): (&str, &str),
+        name: &str,
+        meaning: &str,
         cell: impl Fn(&R) -> C + 'c,
     ) -> Columns<'c, R> {
         self.with(Heading { name: name.into(), kind, unit: "", meaning: meaning.into() }, cell)
     }
 
     pub fn text<C: Into<Cell>>(self, name: &str, meaning: &str, cell: impl Fn(&R) -> C + 'c) -> Columns<'c, R> {
-        self.plain(Kind::Text, (name, meaning), cell)
+        self.plain(Kind::Text, name, meaning, cell)
     }
 
     pub fn whole<C: Into<Cell>>(self, name: &str, meaning: &str, cell: impl Fn(&R) -> C + 'c) -> Columns<'c, R> {
-        self.plain(Kind::Whole, (name, meaning), cell)
+        self.plain(Kind::Whole, name, meaning, cell)
     }
 
     pub fn flag<C: Into<Cell>>(self, name: &str, meaning: &str, cell: impl Fn(&R) -> C + 'c) -> Columns<'c, R> {
-        self.plain(Kind::Flag, (name, meaning), cell)
+        self.plain(Kind::Flag, name, meaning, cell)
     }
 
     pub fn number<C: Into<Cell>>(

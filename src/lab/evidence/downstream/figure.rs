@@ -36,7 +36,7 @@ pub fn figure(record: &Downstream) -> Figure {
         .map(|(i, (arm, _))| (SIGNS[i % SIGNS.len()].0, Ink::fill(SIGNS[i % SIGNS.len()].1), arm.as_str()))
         .collect();
     sheet.text((52.0, 14.0), legend::LETTERS, Anchor::Start, "Trained on scenes:");
-    legend::row(&mut sheet, (124.0, 14.0), &signs);
+    legend::row(&mut sheet, 124.0, 14.0, &signs);
     let (of, way) = if opening.families.is_empty() {
         (Read::Completion, "Route completion")
     } else {
@@ -47,11 +47,18 @@ pub fn figure(record: &Downstream) -> Figure {
         let adversarial = curves(record, asked(&ADVERSARIAL, read));
         let plain = curves(record, asked(&[SetName::Plain], read));
         // One scale a row, so that heights compare.
-        let up =
-            Scale::over([&adversarial, &plain].into_iter().flatten().flatten().flat_map(ends).chain([0.0, LEAST]), 4);
+        let up = Scale::over(
+            [&adversarial, &plain]
+                .into_iter()
+                .flatten()
+                .flatten()
+                .flat_map(|(_, found)| ends(found))
+                .chain([0.0, LEAST]),
+            4,
+        );
         for (left, title, curves) in [(52.0, "Adversarial scenes", adversarial), (284.0, "Plain scenes", plain)] {
             let axes = Axes { place: [left, top, 172.0, 108.0], across: across(record), up: up.clone() };
-            panel(&mut sheet, &axes, (title, name), &curves);
+            panel(&mut sheet, &axes, title, name, &curves);
         }
     }
     let caption = format!(
@@ -87,12 +94,12 @@ fn across(record: &Downstream) -> Scale {
     Scale::over([first, last], 4).widened(0.04)
 }
 
-/// The ends of a point's interval.
-fn ends((_, found): &Point) -> [f64; 2] {
+/// The ends of an interval.
+fn ends(found: &Estimate) -> [f64; 2] {
     found.interval.unwrap_or([found.value; 2])
 }
 
-fn panel(sheet: &mut Figure, axes: &Axes, (title, up): (&str, &str), curves: &[Vec<Point>]) {
+fn panel(sheet: &mut Figure, axes: &Axes, title: &str, up: &str, curves: &[Vec<Point>]) {
     let [left, top, ..] = axes.place;
     sheet.heading((left, top - 8.0), 8.0, title);
     axes.draw(sheet, "Updates, thousands", up);
@@ -102,7 +109,7 @@ fn panel(sheet: &mut Figure, axes: &Axes, (title, up): (&str, &str), curves: &[V
         let aside = APART * (i as f64 - middle);
         let at = |updates: f64, value: f64| (axes.x(updates / 1000.0) + aside, axes.y(value));
         for point in points {
-            let [low, high] = ends(point);
+            let [low, high] = ends(&point.1);
             sheet.line(at(point.0, low), at(point.0, high), Ink::line(colour, 0.7));
         }
         sheet.path(points.iter().map(|(x, found)| at(*x, found.value)).collect(), Ink::line(colour, 1.2));

@@ -21,7 +21,8 @@ impl Shown {
 
 const fn shown(
     key: &'static str,
-    (group, head): (&'static str, &'static str),
+    group: &'static str,
+    head: &'static str,
     sets: &'static [SetName],
     read: Read,
 ) -> Shown {
@@ -30,13 +31,13 @@ const fn shown(
 }
 
 const COLUMNS: [Shown; 7] = [
-    shown("crash_adversarial", ("Adversarial", "crash rate"), &ADVERSARIAL, Read::Crash),
-    shown("failure_adversarial", ("Adversarial", "own crashes"), &ADVERSARIAL, Read::Failure),
-    shown("completion_adversarial", ("Adversarial", "route completion"), &ADVERSARIAL, Read::Completion),
-    shown("crash_original", ("Original", "crash rate"), &[SetName::Original], Read::Crash),
-    shown("crash_evolved", ("Evolved", "crash rate"), &[SetName::Evolved], Read::Crash),
-    shown("crash_plain", ("Plain", "crash rate"), &[SetName::Plain], Read::Crash),
-    shown("completion_plain", ("Plain", "route completion"), &[SetName::Plain], Read::Completion),
+    shown("crash_adversarial", "Adversarial", "crash rate", &ADVERSARIAL, Read::Crash),
+    shown("failure_adversarial", "Adversarial", "own crashes", &ADVERSARIAL, Read::Failure),
+    shown("completion_adversarial", "Adversarial", "route completion", &ADVERSARIAL, Read::Completion),
+    shown("crash_original", "Original", "crash rate", &[SetName::Original], Read::Crash),
+    shown("crash_evolved", "Evolved", "crash rate", &[SetName::Evolved], Read::Crash),
+    shown("crash_plain", "Plain", "crash rate", &[SetName::Plain], Read::Crash),
+    shown("completion_plain", "Plain", "route completion", &[SetName::Plain], Read::Completion),
 ];
 
 /// The label that the paper gives the same question.
@@ -88,11 +89,9 @@ impl Line<'_> {
             let family = of.family.as_ref().map_or(String::new(), |family| format!("{family}-"));
             format!("{family}{}-s{}:{}", of.arm, of.seed, of.weights.short(12))
         };
-        let lineages: Vec<String> = match self.arms.is_empty() {
-            // A row without lineages is not printed.
-            true => vec![self.label.clone()],
-            false => own.map(weights).collect(),
-        };
+        // A row without lineages is not printed.
+        let lineages: Vec<String> =
+            if self.arms.is_empty() { vec![self.label.clone()] } else { own.map(weights).collect() };
         let trainings = if self.arms.is_empty() { 0 } else { lineages.len() };
         let scenes = record.opening.sets.evaluation.first().map_or(0, |set| set.scenes.len());
         Row {

@@ -64,7 +64,7 @@ pub fn quality(cases: &[&Case]) -> Quality {
         share_pct(of.map(|(.., accepted)| (1.0, *accepted)))
     };
     let (recall, precision) = top(&labelled);
-    let beside: Vec<Compared> = labelled.iter().map(compared).collect();
+    let beside: Vec<Compared> = labelled.iter().map(|(case, label, _)| compared(case, *label)).collect();
     let turned_away: Vec<(&Case, bool)> =
         labelled.iter().filter(|(case, ..)| case.turned_away).map(|(case, _, accepted)| (*case, *accepted)).collect();
     Quality {
@@ -91,8 +91,8 @@ pub fn quality(cases: &[&Case]) -> Quality {
 }
 
 /// Attack and realism together, each candidate once.
-fn compared((case, label, _): &(&Case, Objectives, bool)) -> Compared {
-    Compared { predicted: case.predicted, half_width: case.half_width, label: *label, weight: 1.0 }
+fn compared(case: &Case, label: Objectives) -> Compared {
+    Compared { predicted: case.predicted, half_width: case.half_width, label, weight: 1.0 }
 }
 
 fn ratio(of: &[Compared], size: fn(f64) -> f64) -> Option<f64> {

@@ -80,7 +80,7 @@ pub fn area_rounds(runs: &[RecordedRun]) -> Result<Figure, FigureError> {
         (Mark::Disc, Ink::fill(BLACK), "mean over the groups"),
         (Mark::Disc, Ink::fill(BLUE), "the parent, drawn as often"),
     ];
-    legend::row(&mut sheet, (30.0, 12.0), &signs);
+    legend::row(&mut sheet, 30.0, 12.0, &signs);
     let egos: BTreeSet<&str> = measured.iter().map(|of| of.ego.as_str()).collect();
     let highest = measured.iter().flat_map(|of| of.areas.values().flatten()).copied().fold(0.0, f64::max);
     for (place, of) in measured.iter().enumerate() {

@@ -100,12 +100,12 @@ pub fn case_evolution(all: &[Evolved<'_>]) -> Result<Figure, FigureError> {
         sheet.height += 6.0;
     }
     let safebench = !first.run.rounds.is_empty();
-    let score = match safebench {
-        true if first.family.is_some() => {
-            "100 times attack, CR (1 - OS), times ARS times the share of valid runs, of the family's scenes,"
-        }
-        true => "100 times attack, CR (1 - OS), times ARS times the share of valid runs,",
-        false => "100 times attack times strict realism",
+    let score = if !safebench {
+        "100 times attack times strict realism"
+    } else if first.family.is_some() {
+        "100 times attack, CR (1 - OS), times ARS times the share of valid runs, of the family's scenes,"
+    } else {
+        "100 times attack, CR (1 - OS), times ARS times the share of valid runs,"
     };
     let shown = all.iter().any(|of| of.credit.is_some());
     let chain = if shown {
@@ -137,7 +137,7 @@ fn block(sheet: &mut Figure, of: &Evolved<'_>, name: &str) {
     let top = sheet.height;
     sheet.heading((8.0, top + 10.0), 8.5, name);
     let wide = if credit.is_some() { BESIDE } else { ALONE };
-    steps(sheet, of, (&attempts, &chain), [LEFT, top + HEAD, wide, HIGH]);
+    steps(sheet, of, &attempts, &chain, [LEFT, top + HEAD, wide, HIGH]);
     if let Some(credit) = credit {
         on_held_out(sheet, credit, top + HEAD);
     }
@@ -186,7 +186,8 @@ fn product(objectives: &Objectives) -> f64 {
 fn steps(
     sheet: &mut Figure,
     Evolved { run, lineage, family, .. }: &Evolved<'_>,
-    (attempts, chain): (&[&Attempt], &[&Program]),
+    attempts: &[&Attempt],
+    chain: &[&Program],
     place: [f64; 4],
 ) {
     let score = |attempt: &Attempt| attempt.exit.score().map(|score| of_score(score, *family));
@@ -305,7 +306,7 @@ fn on_held_out(sheet: &mut Figure, credit: &Credit, top: f64) {
         sheet.path(way, Ink::line(*colour, 0.7));
     }
     let entries = quantities.map(|of| (of.mark, Ink::fill(of.colour), of.name));
-    legend::row(sheet, (CHAIN_LEFT, top + HIGH + 26.0), &entries);
+    legend::row(sheet, CHAIN_LEFT, top + HIGH + 26.0, &entries);
     let said = ["p0 is the parent, the last is reported.", "Bars: 95 % over scenes."];
     for (line, y) in said.into_iter().zip([39.0, 49.0]) {
         let (size, anchor, bold, upwards) = (7.0, Anchor::Start, false, false);

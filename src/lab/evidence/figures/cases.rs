@@ -110,7 +110,7 @@ pub fn cases(cases: &[Case], runs: &[RecordedRun]) -> Result<Figure, FigureError
     let scenes: Vec<&str> = cases.iter().map(|case| case.won.scene.as_str()).collect();
     let title = format!("Scenes by the original and the evolved generator: {}", scenes.join(", "));
     let mut sheet = Figure::new(2.0 * (PANEL[0] + LEFT) + GAP, 30.0 + ROW * cases.len() as f64, title);
-    legend::row(&mut sheet, (LEFT, 14.0), &signs(cases));
+    legend::row(&mut sheet, LEFT, 14.0, &signs(cases));
     for (place, case) in cases.iter().enumerate() {
         row(&mut sheet, 26.0 + ROW * place as f64, case);
     }

@@ -65,11 +65,12 @@ fn drawn(all: &[SearchedContacts], source: &str) -> Figure {
     let groups: Vec<_> = GROUPS.into_iter().filter(|(.., classes)| shows(classes)).collect();
     let entries: Vec<legend::Entry<'_>> =
         groups.iter().map(|(words, colour, _)| (Mark::Square, Ink::fill(*colour), *words)).collect();
-    let end = legend::row(&mut sheet, (8.0, 11.0), &entries);
+    let end = legend::row(&mut sheet, 8.0, 11.0, &entries);
     debug_assert!(end <= WIDE);
     legend::row(
         &mut sheet,
-        (8.0, 23.0),
+        8.0,
+        23.0,
         &[(Mark::Square, Ink::fill(BLACK), "of these, what a careful ego could have prevented")],
     );
     let (top, high) = (34.0, all.len() as f64 * (2.0 * PROGRAM + APART));

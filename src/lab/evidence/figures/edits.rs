@@ -101,7 +101,7 @@ fn shares(sheet: &mut Figure, edits: &Edits) {
         }
     }
     let signs = [(Mark::Square, Ink::fill(GREY), "all"), (Mark::Square, Ink::fill(BLUE), "of simulated candidates")];
-    legend::row(sheet, (95.0, 30.0), &signs);
+    legend::row(sheet, 95.0, 30.0, &signs);
 }
 
 fn operations(sheet: &mut Figure, edits: &Edits) {
@@ -125,5 +125,5 @@ fn operations(sheet: &mut Figure, edits: &Edits) {
         }
     }
     let signs = KINDS.map(|(_, colour, name)| (Mark::Square, Ink::fill(colour), name));
-    legend::row(sheet, (335.0, 30.0), &signs);
+    legend::row(sheet, 335.0, 30.0, &signs);
 }

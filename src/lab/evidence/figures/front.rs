@@ -95,8 +95,8 @@ fn drawn(panels: &[Panel], source: &str) -> Figure {
     let signs: Vec<legend::Entry<'_>> = parent.into_iter().chain(signs).collect();
     // On a narrow sheet the signs stand in two lines.
     let (first, second) = signs.split_at(if wide > NARROW { signs.len() } else { signs.len().min(2) });
-    legend::row(&mut sheet, (8.0, 10.0), first);
-    legend::row(&mut sheet, (8.0, 21.0), second);
+    legend::row(&mut sheet, 8.0, 10.0, first);
+    legend::row(&mut sheet, 8.0, 21.0, second);
     let head = if second.is_empty() { 14.0 } else { 25.0 };
     sheet.height = head + rows as f64 * HIGH;
     let up = realisms(panels);
@@ -110,7 +110,7 @@ fn drawn(panels: &[Panel], source: &str) -> Figure {
             [0.0, 0.25, 0.5, 0.75, 1.0].into_iter().filter(|tick| panels.len() == 1 || *tick * 2.0 % 1.0 == 0.0);
         // A point's sign has room beyond 1, not below 0: there the axes meet.
         let across = Scale::fixed(0.0, 1.06, ticks.collect());
-        one(&mut sheet, &Axes { place, across, up: up.clone() }, panel, (column == 0, row + 1 == rows));
+        one(&mut sheet, &Axes { place, across, up: up.clone() }, panel, column == 0, row + 1 == rows);
     }
     let note = format!(
         "Up and to the right is better. Shaded: what the parent and the first search of the legend dominate, from where the axes begin, attack {} and          strict realism {}. Dashed: realism {FLOOR}, the floor of what is reported. Bars: 95 % intervals.{}",
@@ -136,7 +136,7 @@ fn ink(mark: Mark, colour: Rgb) -> Ink {
     if mark == Mark::Cross { Ink::line(colour, 1.4) } else { Ink::fill(colour).edged(WHITE, 0.4) }
 }
 
-fn one(sheet: &mut Figure, axes: &Axes, panel: &Panel, (first_column, last_row): (bool, bool)) {
+fn one(sheet: &mut Figure, axes: &Axes, panel: &Panel, first_column: bool, last_row: bool) {
     let [left, top, wide, high] = axes.place;
     let parent = panel.all.first().map(|of| of.parent);
     // The model's program, or else the one that gains most, shows what a search adds.
@@ -154,15 +154,16 @@ fn one(sheet: &mut Figure, axes: &Axes, panel: &Panel, (first_column, last_row):
     axes.draw_small(
         sheet,
         LETTERS,
-        (if last_row { "Attack" } else { "" }, if first_column { "Strict realism" } else { "" }),
+        if last_row { "Attack" } else { "" },
+        if first_column { "Strict realism" } else { "" },
     );
     sheet.heading((left, top - 4.0), 8.0, panel.title.as_str());
     for of in panel.all.iter().rev() {
         let (mark, colour, _) = sign(of.searched);
-        shown(sheet, axes, &of.evolved, (mark, colour), 3.0);
+        shown(sheet, axes, &of.evolved, mark, colour, 3.0);
     }
     if let Some(parent) = parent {
-        shown(sheet, axes, &parent, PARENT, 2.6);
+        shown(sheet, axes, &parent, PARENT.0, PARENT.1, 2.6);
     }
 }
 
@@ -175,7 +176,7 @@ fn held(axes: &Axes, realism: f64) -> f64 {
     realism.clamp(axes.up.ticks.first().copied().unwrap_or(0.0), 1.0)
 }
 
-fn shown(sheet: &mut Figure, axes: &Axes, point: &PlacedPoint, (mark, colour): (Mark, Rgb), r: f64) {
+fn shown(sheet: &mut Figure, axes: &Axes, point: &PlacedPoint, mark: Mark, colour: Rgb, r: f64) {
     let (x, y) = place(axes, point);
     let interval = |of: &Estimate| of.interval.unwrap_or([of.value; 2]);
     let ([from, to], [low, high]) = (interval(&point.attack), interval(&point.realism));

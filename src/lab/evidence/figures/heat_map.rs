@@ -39,7 +39,7 @@ pub fn heat_map(title: &str, panels: &[Panel], most: f64) -> Figure {
         }
         for (row, (_, values)) in panel.rows.iter().enumerate() {
             for (column, value) in values.iter().enumerate() {
-                cell(&mut sheet, (x + CELL[0] * column as f64, TOP + CELL[1] * row as f64), *value, most);
+                cell(&mut sheet, x + CELL[0] * column as f64, TOP + CELL[1] * row as f64, *value, most);
             }
         }
         x += CELL[0] * panel.columns.len() as f64 + GAP;
@@ -51,7 +51,7 @@ fn middle(row: usize) -> f64 {
     TOP + CELL[1] * (row as f64 + 0.5) + 2.6
 }
 
-fn cell(sheet: &mut Figure, (x, y): (f64, f64), value: Option<f64>, most: f64) {
+fn cell(sheet: &mut Figure, x: f64, y: f64, value: Option<f64>, most: f64) {
     let Some(value) = value else {
         return sheet.rect([x, y, CELL[0], CELL[1]], Ink::fill(LIGHT).edged(WHITE, 1.0));
     };

@@ -81,7 +81,7 @@ fn drawn(steps: &[Step]) -> Result<Figure, FigureError> {
         return Err(FigureError::NoJourney);
     }
     let mut sheet = Figure::new(WIDE, HIGH, "An epoch of the loop");
-    band(&mut sheet, (1, 3), [TOPS[0] - 14.0, BOX[1] + 17.0], BLUE, "K slots in parallel, one snapshot");
+    band(&mut sheet, 1, 3, [TOPS[0] - 14.0, BOX[1] + 17.0], BLUE, "K slots in parallel, one snapshot");
     for (at, step) in steps.iter().enumerate() {
         // The second row runs back to the left.
         let (row, column) = if at < IN_A_ROW { (0, at) } else { (1, 2 * IN_A_ROW - 1 - at) };
@@ -91,7 +91,7 @@ fn drawn(steps: &[Step]) -> Result<Figure, FigureError> {
             _ if column == IN_A_ROW - 1 => GREEN,
             _ => ORANGE,
         };
-        step_box(&mut sheet, (left(column), TOPS[row]), step, colour);
+        step_box(&mut sheet, left(column), TOPS[row], step, colour);
     }
     let line = Ink::line(BLACK, 0.9);
     for column in 0..IN_A_ROW - 1 {
@@ -139,12 +139,12 @@ fn pale(colour: Rgb) -> Rgb {
     colour.map(|part| 255 - (255 - part) / 6)
 }
 
-fn band(sheet: &mut Figure, (first, last): (usize, usize), [top, high]: [f64; 2], colour: Rgb, words: &str) {
+fn band(sheet: &mut Figure, first: usize, last: usize, [top, high]: [f64; 2], colour: Rgb, words: &str) {
     sheet.rect([left(first) - 3.0, top, left(last) + BOX[0] - left(first) + 6.0, high], Ink::fill(pale(colour)));
     text(sheet, (left(first), top + 9.5), Anchor::Start, colour, words);
 }
 
-fn step_box(sheet: &mut Figure, (x, y): (f64, f64), step: &Step, colour: Rgb) {
+fn step_box(sheet: &mut Figure, x: f64, y: f64, step: &Step, colour: Rgb) {
     sheet.rect([x, y, BOX[0], BOX[1]], Ink::fill(WHITE).edged(colour, 1.0));
     sheet.heading((x + 3.0, y + 9.5), 8.0, step.verb.as_str());
     for (nth, line) in

@@ -12,7 +12,7 @@ const SMALL: f64 = 7.0;
 pub type Entry<'a> = (Mark, Ink, &'a str);
 
 /// Signs from a place on to the right; tells where the row ends.
-pub fn row(figure: &mut Figure, (mut x, y): (f64, f64), entries: &[Entry<'_>]) -> f64 {
+pub fn row(figure: &mut Figure, mut x: f64, y: f64, entries: &[Entry<'_>]) -> f64 {
     for (mark, ink, text) in entries {
         figure.mark(*mark, (x + 3.0, y - 2.6), 3.0, *ink);
         figure.text((x + 10.0, y), LETTERS, Anchor::Start, *text);

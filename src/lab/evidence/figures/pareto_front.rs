@@ -123,22 +123,22 @@ fn drawn(all: &[Named], realism: &str, source: &str) -> Figure {
         (Mark::Disc, Ink::fill(BLUE), "on the front"),
         (Mark::Diamond, Ink::fill(ORANGE).edged(BLACK, 0.6), "parent"),
     ];
-    let end = legend::row(&mut sheet, (10.0, 14.0), &signs);
+    let end = legend::row(&mut sheet, 10.0, 14.0, &signs);
     let reported = [(Mark::Disc, Ink::line(VERMILION, 1.2), "reported")];
     // On a narrow sheet the last sign has a line of its own.
-    let place = if end + 50.0 < wide { (end, 14.0) } else { (10.0, 25.0) };
-    legend::row(&mut sheet, place, &reported);
+    let (x, y) = if end + 50.0 < wide { (end, 14.0) } else { (10.0, 25.0) };
+    legend::row(&mut sheet, x, y, &reported);
     // One scale for all panels: who stands higher in one is more realistic than who stands lower in another.
     let numbers =
         |of: fn(&Objectives) -> f64| all.iter().flat_map(|(_, points)| points).map(move |point| of(&point.objectives));
     let across = Scale::over(numbers(|of| of.attack).chain([0.0]), 5).widened(0.03);
     let up = Scale::over(numbers(|of| of.realism), 5).widened(0.03);
-    for (at, of) in all.iter().enumerate() {
+    for (at, (name, points)) in all.iter().enumerate() {
         let left = ROOM[0] * (at % BESIDE) as f64 + 50.0;
         let top = 46.0 + ROOM[1] * (at / BESIDE) as f64;
         let size = if columns == 1 { 265.0 } else { ROOM[0] - 62.0 };
         let axes = Axes { place: [left, top, size, ROOM[1] - 54.0], across: across.clone(), up: up.clone() };
-        panel(&mut sheet, &axes, of, realism);
+        panel(&mut sheet, &axes, name, points, realism);
     }
     let note = format!(
         "Upwards more realistic ({realism}), to the right more attack; programs that act nowhere are left out. Front: not dominated after the \
@@ -149,9 +149,9 @@ fn drawn(all: &[Named], realism: &str, source: &str) -> Figure {
     sheet
 }
 
-fn panel(sheet: &mut Figure, axes: &Axes, (name, points): &Named, realism: &str) {
+fn panel(sheet: &mut Figure, axes: &Axes, name: &str, points: &[Point], realism: &str) {
     let [left, top, ..] = axes.place;
-    sheet.heading((left, top - 6.0), 8.0, name.as_str());
+    sheet.heading((left, top - 6.0), 8.0, name);
     axes.draw(sheet, "Attack", realism);
     let at = |of: &Point| axes.at(of.objectives.attack, of.objectives.realism);
     let marked = |sheet: &mut Figure, which: &dyn Fn(&Point) -> bool, mark: Mark, r: f64, ink: Ink| {

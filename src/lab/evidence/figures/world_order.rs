@@ -25,7 +25,7 @@ pub fn world_order(runs: &[RecordedRun]) -> Result<Figure, FigureError> {
         (Mark::Square, Ink::fill(GREY), "random order (expectation)"),
         (Mark::Disc, Ink::fill(BLUE), "by the evaluator's rank"),
     ];
-    legend::row(&mut sheet, (130.0, 12.0), &signs);
+    legend::row(&mut sheet, 130.0, 12.0, &signs);
     evaluations(&mut sheet, &asked);
     yields(&mut sheet, &asked);
     let pooled = correlation(&mut sheet, &all, &asked);

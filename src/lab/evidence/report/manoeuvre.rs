@@ -77,7 +77,8 @@ impl Gained {
         }
         let mut kinds: Vec<((&str, Approach), usize)> = kinds.into_iter().collect();
         kinds.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-        let Some((first, most)) = kinds.first() else { return String::new() };
+        let Some(((who, came), most)) = kinds.first() else { return String::new() };
+        let first = kind(who, *came);
         let all = self.seen.len();
         let scenes = match (self.scenes, all) {
             (1, _) => "In the scene gained".to_string(),
@@ -85,13 +86,13 @@ impl Gained {
             (scenes, all) => format!("In {all} of the {} gained, taken at even steps,", counted(scenes, "scene")),
         };
         let met = match most {
-            _ if all == 1 => format!("meets {}", kind(first)),
-            most if *most == all => format!("always meets {}", kind(first)),
-            most if 2 * most > all => format!("mostly meets {} ({most} of {all})", kind(first)),
+            _ if all == 1 => format!("meets {first}"),
+            most if *most == all => format!("always meets {first}"),
+            most if 2 * most > all => format!("mostly meets {first} ({most} of {all})"),
             // None of them is the rule.
             most => {
-                let second = kinds.get(1).map(|(second, count)| format!(" or {} ({count})", kind(second)));
-                format!("most often meets {} ({most} of {all}){}", kind(first), second.unwrap_or_default())
+                let second = kinds.get(1).map(|((who, came), count)| format!(" or {} ({count})", kind(who, *came)));
+                format!("most often meets {first} ({most} of {all}){}", second.unwrap_or_default())
             }
         };
         let speeds = |sign: f64| -> Vec<f64> {
@@ -134,7 +135,7 @@ impl Gained {
 }
 
 /// Names a road user and the place from which it came.
-fn kind((who, came): &(&str, Approach)) -> String {
+fn kind(who: &str, came: Approach) -> String {
     let article = if who.starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" };
     format!("{article} {who} {}", came.says())
 }

@@ -54,7 +54,7 @@ impl Other {
 
     /// Puts a program of that run beside the lineage whose reported program it is compared with; nothing where it was not measured on
     /// held-out scenes.
-    pub fn add(&mut self, run: &RecordedRun, (own, theirs): (&SolutionId, &SolutionId), other: &RecordedRun) {
+    pub fn add(&mut self, run: &RecordedRun, own: &SolutionId, theirs: &SolutionId, other: &RecordedRun) {
         let results = run.result.iter().flat_map(|result| &result.lineages);
         let lineages = results.filter(|of| of.evolved.solution == *own).map(|of| of.lineage.clone());
         let Some(held_out) = other.held_out.iter().find(|of| of.solution == *theirs) else { return };

@@ -247,7 +247,8 @@ fn notes(recorded_runs: &[RecordedRun], all: &[Ablation<'_>], compared: String) 
 
 fn table(
     name: &'static str,
-    (title, source): (&str, Option<&'static str>),
+    title: &str,
+    source: Option<&'static str>,
     rows: Vec<Row>,
     notes: Vec<String>,
     runs: &[RecordedRun],
@@ -287,8 +288,8 @@ pub fn attack_only(recorded_runs: &[RecordedRun]) -> Result<Table, TableError> {
     }));
     correct(&mut rows, &TESTED);
     let notes = notes(recorded_runs, &all, format!("The whole is the first run named, {}.", whole.title()));
-    let title = ("Search methods at the same rollouts", Some(METHODS_LABEL));
-    table("attack-only", title, rows, notes, recorded_runs)
+    let title = "Search methods at the same rollouts";
+    table("attack-only", title, Some(METHODS_LABEL), rows, notes, recorded_runs)
 }
 
 /// The system without one part at a time. A run that leaves something out is compared with the last one before it that leaves
@@ -309,7 +310,7 @@ pub fn without(recorded_runs: &[RecordedRun]) -> Result<Table, TableError> {
     let compared =
         "A row that leaves a part out is compared with the last row above it that leaves nothing out.".to_string();
     let notes = notes(recorded_runs, &all, compared);
-    table("without", ("The system without one part at a time", None), rows, notes, recorded_runs)
+    table("without", "The system without one part at a time", None, rows, notes, recorded_runs)
 }
 
 const PROPOSED_MEAN: Column = column("proposed", "A search", "Proposed", None, Form::Number);

@@ -127,7 +127,7 @@ impl LineageArchive {
         let mut programs: Vec<SolutionId> = leaves.iter().flat_map(|leaf| leaf.programs.clone()).collect();
         programs.sort();
         programs.dedup();
-        let part = Part::of(self.name.clone(), (self.place, self.lineage.to_string()), value, leaves);
+        let part = Part::of(self.name.clone(), self.place, self.lineage.to_string(), value, leaves);
         Part { replica: self.replica, programs, ..part }
     }
 

@@ -101,12 +101,7 @@ impl Leaf {
 
 impl Repetition {
     /// Makes a repetition of a place among the runs and a lineage.
-    pub(super) fn of(
-        search: String,
-        (run, lineage): (usize, String),
-        value: Option<f64>,
-        leaves: Vec<Leaf>,
-    ) -> Repetition {
+    pub(super) fn of(search: String, run: usize, lineage: String, value: Option<f64>, leaves: Vec<Leaf>) -> Repetition {
         let (programs, steps) = (Vec::new(), Vec::new());
         Repetition { search, run, lineage, replica: 0, programs, value, leaves, scenes: None, sealed: None, steps }
     }

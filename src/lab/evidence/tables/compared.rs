@@ -177,8 +177,8 @@ fn quantities(seeds: &[Vec<Pair<'_>>], drawn: Option<&Drawn>, with_strict: bool)
     let drawn = drawn.unwrap_or(&by_name);
     let shared = seeds.iter().flatten().flatten().flat_map(|label| label.metrics.keys()).collect::<BTreeSet<_>>();
     let own =
-        shared.into_iter().filter_map(|name| quantity(name, &|label| label.metrics.get(name).copied(), (seeds, drawn)));
-    let shipped = QUANTITIES.iter().filter_map(|(name, reading)| quantity(name, reading, (seeds, drawn)));
+        shared.into_iter().filter_map(|name| quantity(name, &|label| label.metrics.get(name).copied(), seeds, drawn));
+    let shipped = QUANTITIES.iter().filter_map(|(name, reading)| quantity(name, reading, seeds, drawn));
     let strict = with_strict.then(|| strict_realism(seeds, drawn)).flatten();
     let mut quantities: Vec<Compared> = shipped.collect();
     let behind = quantities.iter().position(|row| row.quantity == "realism").map_or(quantities.len(), |at| at + 1);
@@ -246,7 +246,8 @@ fn in_order<'p, 'a>(pairs: &'p [Pair<'a>], scenes: &[String]) -> Vec<Option<&'p 
 fn quantity(
     name: &str,
     reading: &dyn Fn(&SceneScore) -> Option<f64>,
-    (seeds, drawn): (&[Vec<Pair<'_>>], &Drawn),
+    seeds: &[Vec<Pair<'_>>],
+    drawn: &Drawn,
 ) -> Option<Compared> {
     let (suite, scenes) = (drawn.suite, &drawn.scenes);
     let of_seed = |pairs: &Vec<Pair<'_>>| -> Vec<[Option<f64>; 2]> {
@@ -299,24 +300,24 @@ mod tests {
         let second: Vec<SceneScore> =
             scenes.iter().enumerate().map(|(k, s)| label(s, (k % 2) as f64 * 0.9 + 0.1, true, 0.7)).collect();
         let pairs = [first.iter().zip(&second).map(|(a, b)| [a, b]).collect::<Vec<Pair<'_>>>()];
-        let attack = quantity("attack", &QUANTITIES[0].1, (&pairs, &Drawn::by_name(&pairs))).unwrap();
+        let attack = quantity("attack", &QUANTITIES[0].1, &pairs, &Drawn::by_name(&pairs)).unwrap();
         assert!((attack.first.value - 0.45).abs() < 1e-12 && (attack.difference.value - 0.1).abs() < 1e-12);
         let [low, high] = attack.difference.interval.unwrap();
         assert!(low > 0.099 && high < 0.101, "{low} {high}");
         let [low, high] = attack.first.interval.unwrap();
         assert!(high - low > 0.2, "the programs by themselves are not so sure: {low} {high}");
-        let realism = quantity("realism", &QUANTITIES[1].1, (&pairs, &Drawn::by_name(&pairs))).unwrap();
+        let realism = quantity("realism", &QUANTITIES[1].1, &pairs, &Drawn::by_name(&pairs)).unwrap();
         assert!(realism.scenes == 19 && (realism.difference.value + 0.1).abs() < 1e-12);
         // By hand: 0.1 in every scene but for one of 0.5 has a mean of 0.12 and a variance of 0.008.
         let mut other = second.clone();
         other[0].attack += 0.4;
         let pairs_of_other = [first.iter().zip(&other).map(|(a, b)| [a, b]).collect::<Vec<Pair<'_>>>()];
         let drawn = Drawn::by_name(&pairs_of_other);
-        let needed = quantity("attack", &QUANTITIES[0].1, (&pairs_of_other, &drawn)).unwrap().needed.unwrap();
+        let needed = quantity("attack", &QUANTITIES[0].1, &pairs_of_other, &drawn).unwrap().needed.unwrap();
         assert_eq!(needed, Needed { scenes: student::needed(0.12, 0.008), seeds: None });
         assert!(needed.scenes.is_some_and(|scenes| (5..9).contains(&scenes)), "{needed:?}");
         let nobody = [vec![[&first[3], &second[3]]]];
-        assert!(quantity("realism", &QUANTITIES[1].1, (&nobody, &Drawn::by_name(&nobody))).is_none());
+        assert!(quantity("realism", &QUANTITIES[1].1, &nobody, &Drawn::by_name(&nobody)).is_none());
     }
 
     #[test]
@@ -328,10 +329,10 @@ mod tests {
         let seeds: Vec<Vec<Pair<'_>>> =
             after.iter().map(|after| before.iter().zip(after).map(|(a, b)| [a, b]).collect()).collect();
         let alone =
-            quantity("attack", &QUANTITIES[0].1, (&seeds[1..2], &Drawn::by_name(&seeds[1..2]))).unwrap().difference;
+            quantity("attack", &QUANTITIES[0].1, &seeds[1..2], &Drawn::by_name(&seeds[1..2])).unwrap().difference;
         let [low, high] = alone.interval.unwrap();
         assert!((alone.value - 0.2).abs() < 1e-12 && high - low < 1e-12, "{alone:?}");
-        let pooled = quantity("attack", &QUANTITIES[0].1, (&seeds, &Drawn::by_name(&seeds))).unwrap();
+        let pooled = quantity("attack", &QUANTITIES[0].1, &seeds, &Drawn::by_name(&seeds)).unwrap();
         assert!((pooled.difference.value - 0.3).abs() < 1e-12 && pooled.scenes == 20, "{pooled:?}");
         let [low, high] = pooled.difference.interval.unwrap();
         assert!(low < 0.1 && high > 0.6, "{low} {high}");

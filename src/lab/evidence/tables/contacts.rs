@@ -45,8 +45,8 @@ pub fn metadrive_contacts(runs: &[RecordedRun]) -> Result<Table, TableError> {
         }
     }
     let notes = notes(runs, &all, &rows);
-    let title = ("Contacts behind attack in MetaDrive", None);
-    let table = table("metadrive-contacts", title, heads(&parent), rows, notes, runs)?;
+    let title = "Contacts behind attack in MetaDrive";
+    let table = table("metadrive-contacts", title, None, heads(&parent), rows, notes, runs)?;
     Ok(Table { labels: vec![METHOD, POLICY, PROGRAM], ..table })
 }
 

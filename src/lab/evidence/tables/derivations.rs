@@ -247,7 +247,7 @@ impl<'s> Derivations<'s> {
             };
             let leaves = replay.scenes.iter().flatten().map(leaf).collect();
             let (search, lineage) = (format!("{} {}", replay.suite, replay.ego), format!("replay/{}", replay.ego));
-            Repetition::of(search, (replay.place, lineage), None, leaves).over(replay.per_scene(read))
+            Repetition::of(search, replay.place, lineage, None, leaves).over(replay.per_scene(read))
         };
         let own = self.replays().into_iter().flatten().filter(|replay| row.egos().contains(&replay.key()));
         let formula =

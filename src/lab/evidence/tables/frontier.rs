@@ -38,7 +38,7 @@ impl Spanned {
         let points: Vec<[f64; 2]> = before.iter().chain(&after).map(point).collect();
         let area = |of: &[[f64; 2]]| hypervolume(of, options.reference);
         let areas = [area(&points[..before.len()]), area(&points)];
-        let steps = steps(&parents, &descendants, &points, (areas, gain_pct), options);
+        let steps = steps(&parents, &descendants, &points, areas, gain_pct, options);
         Some(Spanned { gain_pct, areas, steps })
     }
 }
@@ -47,7 +47,8 @@ fn steps(
     parents: &[&HeldOut],
     descendants: &[&HeldOut],
     points: &[[f64; 2]],
-    ([own, all], gain_pct): ([f64; 2], f64),
+    [own, all]: [f64; 2],
+    gain_pct: f64,
     options: &ArchiveOptions,
 ) -> Vec<String> {
     let placed = |of: &HeldOut| {

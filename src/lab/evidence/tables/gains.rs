@@ -124,7 +124,7 @@ pub fn metadrive_gains(runs: &[RecordedRun]) -> Result<Table, TableError> {
     correct(&mut rows[..groups.len()], &tested);
     let notes = notes(runs, &bases, &own, &rows);
     let title = "What the search gained: floors of realism, absolute areas, and null searches";
-    table(NAME, (title, None), heads(&columns), rows, notes, runs)
+    table(NAME, title, None, heads(&columns), rows, notes, runs)
 }
 
 /// Returns `true` if a null search was made for every repetition of these. A mean over fewer would depend on which ones it was made for.

@@ -245,8 +245,8 @@ impl LineageLabels {
 
     /// Returns its part of a number.
     pub(super) fn part(&self, programs: Vec<SolutionId>, value: Option<f64>, leaves: Vec<Leaf>) -> Part {
-        let of = (self.place, self.lineage.to_string());
-        let part = Part::of(format!("{} {}", self.name, self.ego), of, value, leaves);
+        let search = format!("{} {}", self.name, self.ego);
+        let part = Part::of(search, self.place, self.lineage.to_string(), value, leaves);
         Part { replica: self.replica, programs, ..part }
     }
 

@@ -138,7 +138,7 @@ pub fn metadrive_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
     );
     let title = "Generator evolution in MetaDrive";
     let notes = notes(runs, &all, &rows, Some(average));
-    table("metadrive-main", (title, Some(printed::MAIN_LABEL)), heads(&columns), rows, notes, runs)
+    table("metadrive-main", title, Some(printed::MAIN_LABEL), heads(&columns), rows, notes, runs)
 }
 
 /// The paper's table by policy: a row a generator and ego, with the best descendant of the local trace.
@@ -162,7 +162,7 @@ pub fn metadrive_policy(runs: &[RecordedRun]) -> Result<Table, TableError> {
     rows.extend(searches(others).iter().map(|of| policy_row(&of[0].label, &of[0].policy, of, None)));
     let title = "Policy-specific results in MetaDrive";
     let notes = notes(runs, &all, &rows, None);
-    table("metadrive-policy", (title, Some(printed::POLICY_LABEL)), heads(&columns), rows, notes, runs)
+    table("metadrive-policy", title, Some(printed::POLICY_LABEL), heads(&columns), rows, notes, runs)
 }
 
 pub(super) const SCENES: Head = Head { key: "held_out_scenes", head: "Scenes" };
@@ -171,7 +171,8 @@ pub(super) const SEEDS: Head = Head { key: "seeds", head: "Seeds" };
 /// A table of one part, a row a method and ego.
 pub(super) fn table(
     name: &'static str,
-    (title, source): (&str, Option<&'static str>),
+    title: &str,
+    source: Option<&'static str>,
     columns: Vec<Column>,
     rows: Vec<Row>,
     notes: Vec<String>,

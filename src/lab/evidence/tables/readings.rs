@@ -229,8 +229,8 @@ pub fn metadrive_readings(runs: &[RecordedRun]) -> Result<Table, TableError> {
         Row { notes: Vec::new(), ..row(&bases, labels, of, &columns, figures.as_ref()) }
     }));
     let notes = notes(runs, &all, &rows);
-    let title = ("Attack in MetaDrive by three readings of the same contacts", Some(printed::POLICY_LABEL));
-    table("metadrive-readings", title, heads(&columns), rows, notes, runs)
+    let title = "Attack in MetaDrive by three readings of the same contacts";
+    table("metadrive-readings", title, Some(printed::POLICY_LABEL), heads(&columns), rows, notes, runs)
 }
 
 /// The paper counts collisions, so its figures stand beside the published reading.

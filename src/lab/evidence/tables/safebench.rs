@@ -55,11 +55,15 @@ pub(super) enum Kept {
 }
 
 /// Runs to look at, and the round after which; `None` is the last round.
-pub(super) type Look = (Kept, Option<usize>);
-pub(super) const PARENT: Look = (Kept::Evolved, Some(0));
-const DRAWN: Look = (Kept::Redrawn, None);
-pub(super) const EVOLVED: Look = (Kept::Evolved, None);
-const CHANGE: Look = (Kept::Change, None);
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) struct Look {
+    pub kept: Kept,
+    pub round: Option<usize>,
+}
+pub(super) const PARENT: Look = Look { kept: Kept::Evolved, round: Some(0) };
+const DRAWN: Look = Look { kept: Kept::Redrawn, round: None };
+pub(super) const EVOLVED: Look = Look { kept: Kept::Evolved, round: None };
+const CHANGE: Look = Look { kept: Kept::Change, round: None };
 
 /// A column of the main table.
 #[derive(Clone, Copy)]
@@ -91,12 +95,12 @@ impl Main {
 }
 
 /// A rate of a family, or over all, of one repetition's scores; a change is in the unit of its form.
-fn rate(metric: Metric, (of, round): Look, family: &str, form: Form, scores: &Scores) -> Option<f64> {
+fn rate(metric: Metric, look: Look, family: &str, form: Form, scores: &Scores) -> Option<f64> {
     let rate = |rounds: &[Option<Benchmark>]| {
-        let scores = round.map_or(rounds.last(), |round| rounds.get(round))?.as_ref()?;
+        let scores = look.round.map_or(rounds.last(), |round| rounds.get(round))?.as_ref()?;
         (metric.of)(if family == AVERAGE { &scores.mean } else { scores.families.get(family)? })
     };
-    let (before, after) = match of {
+    let (before, after) = match look.kept {
         Kept::Evolved => return rate(&scores.rounds),
         Kept::Redrawn => return rate(&scores.redrawn),
         Kept::Change => (rate(&scores.redrawn)?, rate(&scores.rounds)?),
@@ -119,7 +123,8 @@ pub fn safebench_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
         of.row(&[], columns.iter().map(cell).collect())
     };
     let heads: Vec<Column> = columns.iter().map(|of| of.column).collect();
-    let replays = replays(runs).into_iter().map(|replay| replay_row(&bases, replay, &[], &heads, &OF_PARENT));
+    let replays =
+        replays(runs).into_iter().map(|(run, replay)| replay_row(&bases, run, replay, &[], &heads, &OF_PARENT));
     let rows: Vec<Row> = replays.chain(in_order(all).iter().map(row)).collect();
     let notes = notes(runs, all).into_iter().chain(saturated(&rows, all)).chain(searched_more(&rows)).collect();
     let title = "Generator evolution on SafeBench's traffic families".to_string();
@@ -150,7 +155,7 @@ fn main_cell(of: Main, resampled: Option<&Resampled>, figures: Option<&Figures>)
     let number = move |scores: &Scores| of.number(scores);
     scored(of.column, number, resampled, figures, move |bases, row, number| match of.what {
         What::Gain(_, what) => gains(bases, row, number, what),
-        What::Rate(_) => kept(bases, row, number, of.look, (AVERAGE, &format!("{},", of.column.key))),
+        What::Rate(_) => kept(bases, row, number, of.look, AVERAGE, &format!("{},", of.column.key)),
     })
 }
 
@@ -167,14 +172,16 @@ fn kept(
     bases: &Derivations<'_>,
     row: &RowKey,
     number: &dyn Fn(&Scores) -> Option<f64>,
-    (of, round): Look,
-    (family, what): (&str, &str),
+    look: Look,
+    family: &str,
+    what: &str,
 ) -> Derivation {
     let part = |archive: &LineageArchive| -> Option<Repetition> {
         let (run, _) = bases.result(archive.place, &archive.lineage)?;
-        let round = round.unwrap_or(archive.rounds.len().saturating_sub(1));
+        let round = look.round.unwrap_or(archive.rounds.len().saturating_sub(1));
         let leaves_of = |whose: Kept, rounds: Vec<&ArchiveRound>, drawn: &str| -> Vec<Leaf> {
-            let read = rounds.into_iter().filter(|r| r.round as usize == round && (of == whose || of == Kept::Change));
+            let read =
+                rounds.into_iter().filter(|r| r.round as usize == round && [whose, Kept::Change].contains(&look.kept));
             let own = |scene: &&SelectedScene| family == AVERAGE || scene.group.split('/').next() == Some(family);
             let leaf = |r: &ArchiveRound, scene: &SelectedScene| Leaf {
                 selected: Some(Selected { round: r.round, run: scene.run }),
@@ -212,7 +219,7 @@ fn gains(bases: &Derivations<'_>, row: &RowKey, number: &dyn Fn(&Scores) -> Opti
 const SATURATED: f64 = 0.95;
 
 const fn main(key: &'static str, look: Look, metric: Metric, form: Form) -> Main {
-    let group = match look {
+    let group = match (look.kept, look.round) {
         (Kept::Evolved, Some(_)) => "Parent",
         (Kept::Evolved, None) => "Evolved",
         (Kept::Redrawn, _) => "Parent redrawn",
@@ -300,7 +307,8 @@ const OF_PARENT: [(&str, Metric); 4] =
 /// The row of a program that does nothing, under these columns, with labels after the ego.
 fn replay_row(
     bases: &Derivations<'_>,
-    (run, replay): (usize, &ReplayRow),
+    run: usize,
+    replay: &ReplayRow,
     labels: &[&str],
     columns: &[Column],
     read: &[(&str, Metric)],
@@ -329,15 +337,15 @@ fn replayed(bases: &Derivations<'_>, row: &RowKey, metric: Metric) -> Option<Der
     let replayed = bases.runs.get(*run)?.replays.iter().find(own)?;
     let value = (metric.of)(replayed.row.benchmark.as_ref()?);
     let leaves = replayed.scenes.iter().map(|scene| Leaf::scene(&scene.scene, &[], None)).collect();
-    let part = Repetition::of("replay".into(), (*run, format!("replay/{ego}")), value, leaves);
+    let part = Repetition::of("replay".into(), *run, format!("replay/{ego}"), value, leaves);
     let formula = format!("{} of the empty program on the evolution scenes, recorded as a whole", metric.name);
     Some(Derivation::of(formula, Combine::Means, vec![part]))
 }
 
 /// The same for the tables by round: a line a metric, in the column of all families.
 fn replay_part(bases: &Derivations<'_>) -> Option<Part> {
-    let of_each = |replay| {
-        LINES.map(|metric| replay_row(bases, replay, &[metric.name, "-"], &round_columns(), &[(AVERAGE, metric)]))
+    let of_each = |(run, replay)| {
+        LINES.map(|metric| replay_row(bases, run, replay, &[metric.name, "-"], &round_columns(), &[(AVERAGE, metric)]))
     };
     let rows: Vec<Row> = replays(bases.runs).into_iter().flat_map(of_each).collect();
     let title = "The evolution scenes without a program".to_string();
@@ -405,7 +413,7 @@ fn round_rows(of: &Subject<'_>) -> Vec<Row> {
             Kept::Change => (format!("{round} change"), Form::RateChange),
         };
         let cell = |column: Column| {
-            let (metric, look, key) = (*metric, (kept, Some(round)), column.key);
+            let (metric, look, key) = (*metric, Look { kept, round: Some(round) }, column.key);
             let whose = match kept {
                 Kept::Evolved => "",
                 Kept::Redrawn => " of the redrawn parent",
@@ -415,7 +423,7 @@ fn round_rows(of: &Subject<'_>) -> Vec<Row> {
             let column = Column { form, ..column };
             scored(column, number, resampled.as_ref(), figures.as_ref(), move |bases, row, number| {
                 let what = format!("{} after round {round} in {key}{whose},", metric.name);
-                self::kept(bases, row, number, look, (key, &what))
+                self::kept(bases, row, number, look, key, &what)
             })
         };
         of.row(&[metric.name, &called], round_columns().into_iter().map(cell).collect())

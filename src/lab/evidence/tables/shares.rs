@@ -66,7 +66,7 @@ fn counted(bases: &Derivations<'_>, row: &RowKey, holds: impl Fn(&Attempt) -> Op
         let leaves: Vec<Leaf> = attempts.map(|of| Leaf::attempt(of, holds(of).map(labels::share))).collect();
         let counted: Vec<f64> = leaves.iter().filter_map(|leaf| leaf.value).collect();
         let value = num::mean(&counted).map(|share| 100.0 * share);
-        Repetition::of(parent.program.source_family.to_string(), (place, parent.lineage.to_string()), value, leaves)
+        Repetition::of(parent.program.source_family.to_string(), place, parent.lineage.to_string(), value, leaves)
     };
     let parents =
         bases.runs.iter().enumerate().flat_map(|(place, run)| run.parents.iter().map(move |of| (place, run, of)));

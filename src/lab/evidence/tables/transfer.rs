@@ -117,7 +117,7 @@ impl Transferred {
     }
 
     /// The row's numbers against one driver, scene by scene: its programs', or those less their parents' where `change` is asked for.
-    fn quantity(&self, row: &RowOf<'_>, driver: usize, (of, change): (Read, bool)) -> Quantity {
+    fn quantity(&self, row: &RowOf<'_>, driver: usize, of: Read, change: bool) -> Quantity {
         let per_scene = |line: &Line| {
             let program = if row.is_parent() { line.parent } else { line.program };
             let own = self.values(program, driver, of);
@@ -147,11 +147,11 @@ impl Transferred {
         self.drivers.iter().filter_map(column).collect()
     }
 
-    fn row(&self, of: &RowOf<'_>, (reading, change): (Read, bool)) -> Row {
+    fn row(&self, of: &RowOf<'_>, reading: Read, change: bool) -> Row {
         let columns = self.columns();
         let numbered = columns.iter().enumerate();
         let quantities: Vec<(Column, Quantity)> =
-            numbered.map(|(driver, column)| (*column, self.quantity(of, driver, (reading, change)))).collect();
+            numbered.map(|(driver, column)| (*column, self.quantity(of, driver, reading, change))).collect();
         let form = if change { Form::RateChange } else { Form::Rate };
         let columns: Vec<Column> = columns.into_iter().map(|column| Column { form, ..column }).collect();
         let replicas: BTreeSet<u32> = of.lines.iter().map(|line| line.replica).collect();
@@ -176,11 +176,7 @@ pub fn transfer(of: &Transferred, by_family: bool) -> Table {
         name: format!("transfer-{name}{}", if change { "-change" } else { "" }),
         title: if change { format!("{title}; change over the parent, paired by scene") } else { title.to_string() },
         source: None,
-        rows: rows
-            .iter()
-            .filter(|row| !(change && row.is_parent()))
-            .map(|row| of.row(row, (reading, change)))
-            .collect(),
+        rows: rows.iter().filter(|row| !(change && row.is_parent())).map(|row| of.row(row, reading, change)).collect(),
     };
     let parts = READINGS.into_iter().flat_map(|reading| [part(reading, false), part(reading, true)]).collect();
     Table {

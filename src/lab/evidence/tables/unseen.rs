@@ -77,7 +77,7 @@ pub fn safebench_held_out(runs: &[RecordedRun]) -> Result<Table, TableError> {
 /// A number of labels on the routes that evolution saw; none where one repetition has none.
 fn sourced((column, look, read): (Column, Look, SeenRead)) -> Sourced {
     let source = Source::of(move |bases, row| {
-        Some(derivation(bases, row, look, (column.key, "that evolution saw"), |_, (run, result), programs| {
+        Some(derivation(bases, row, look, column.key, "that evolution saw", |_, (run, result), programs| {
             let programs: Vec<SolutionId> = programs.iter().map(|(_, of)| (*of).clone()).collect();
             let leaves = run.opened.evolution_scenes.iter().map(|scene| Leaf::scene(scene, &programs, None));
             (seen(run, result).map(|both| read(&both)), leaves.collect())
@@ -90,7 +90,7 @@ fn sourced((column, look, read): (Column, Look, SeenRead)) -> Sourced {
 fn cell(of: Main, resampled: Option<&Resampled>) -> Cell {
     let number = move |scores: &Scores| of.number(scores);
     scored(of.column, number, resampled, None, move |bases, row, number| {
-        derivation(bases, row, of.look, (of.column.key, "held out"), |archive, (run, _), programs| {
+        derivation(bases, row, of.look, of.column.key, "held out", |archive, (run, _), programs| {
             let leaf = |round: u32, solution: &SolutionId, one: &HeldOutRun| Leaf {
                 selected: one.run.map(|run| Selected { round, run }),
                 note: Some(match one.run {
@@ -116,7 +116,8 @@ fn derivation(
     bases: &Derivations<'_>,
     row: &RowKey,
     look: Look,
-    (key, where_): (&str, &str),
+    key: &str,
+    where_: &str,
     number: impl Fn(&LineageArchive, Recorded<'_>, &[(u32, &SolutionId)]) -> (Option<f64>, Vec<Leaf>),
 ) -> Derivation {
     let part = |archive: &LineageArchive| -> Option<Repetition> {
@@ -160,7 +161,7 @@ fn columns(all: &[LineageArchive]) -> Vec<Main> {
         _ => "Held-out: change",
     };
     let held_out = told_columns(all).into_iter();
-    let held_out = held_out.filter(|of| !of.is_gain() && of.look.0 != Kept::Redrawn);
+    let held_out = held_out.filter(|of| !of.is_gain() && of.look.kept != Kept::Redrawn);
     held_out.map(|of| Main { column: Column { group: group(of.look), ..of.column }, ..of }).collect()
 }
 

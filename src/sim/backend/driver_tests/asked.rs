@@ -115,8 +115,8 @@ fn under(options: &DriverOptions, start: &dyn Start, of: ProgramContext) -> Dige
     let (plant, act, ego) = (plant(&scene), intercept(&scene, 5), options.policy().unwrap());
     let planners = Planners::new(options, start);
     let behind = Backend::Other { options: &backend, answers: &planners };
-    behind.rollout(&plant, &act, &ego, (Seed(1), of)).unwrap();
-    Request::new(&backend, &plant, &act, &ego, (Seed(1), of)).unwrap().key
+    behind.rollout(&plant, &act, &ego, DriveContext { seed: Seed(1), under: of }).unwrap();
+    Request::new(&backend, &plant, &act, &ego, DriveContext { seed: Seed(1), under: of }).unwrap().key
 }
 
 #[test]
@@ -212,8 +212,8 @@ fn a_scene_that_a_planner_abandons_has_no_label_and_the_process_goes_on() {
     let (planners, backend) = (Planners::new(&options, &watched), options.backend(&SimulatorOptions::SHIPPED).unwrap());
     let behind = Backend::Other { options: &backend, answers: &planners };
     let drive = || {
-        let drawn = (Seed(1), ProgramContext::Plain);
-        match behind.rollout(&plant(&scene), &Intervention::default(), &options.policy().unwrap(), drawn) {
+        let context = DriveContext::plain(Seed(1));
+        match behind.rollout(&plant(&scene), &Intervention::default(), &options.policy().unwrap(), context) {
             Err(NoOutcome::Scene(why)) => why,
             other => panic!("{other:?}"),
         }
@@ -267,9 +267,9 @@ fn a_recording_keeps_that_a_scene_was_abandoned_and_does_not_ask_again_as_it_doe
             let recorder =
                 Recorder::new(&store, before.clone(), Box::new(Planners::new(&options, &watched)), String::new());
             let behind = Backend::Other { options: &backend, answers: &recorder };
-            let drawn = (Seed(1), ProgramContext::Plain);
+            let context = DriveContext::plain(Seed(1));
             let scene = plant(&crossing(3, 5, 91));
-            let out = behind.rollout(&scene, &Intervention::default(), &options.policy().unwrap(), drawn);
+            let out = behind.rollout(&scene, &Intervention::default(), &options.policy().unwrap(), context);
             let Err(NoOutcome::Scene(reason)) = out else { panic!("{out:?}") };
             said.push(reason);
             let (cassette, failed) = recorder.cassette();
@@ -281,9 +281,9 @@ fn a_recording_keeps_that_a_scene_was_abandoned_and_does_not_ask_again_as_it_doe
         // From the cassette alone, without a planner.
         let replay = Replay::new(before, "record");
         let behind = Backend::Other { options: &backend, answers: &replay };
-        let drawn = (Seed(1), ProgramContext::Plain);
+        let context = DriveContext::plain(Seed(1));
         let scene = plant(&crossing(3, 5, 91));
-        let again = behind.rollout(&scene, &Intervention::default(), &options.policy().unwrap(), drawn);
+        let again = behind.rollout(&scene, &Intervention::default(), &options.policy().unwrap(), context);
         assert!(matches!(again, Err(NoOutcome::Scene(reason)) if reason == said[0]));
         watched.started.load(Ordering::SeqCst)
     };

@@ -57,11 +57,11 @@ impl FrenetDriver {
         };
         let own = car.footprint(now.position, now.heading_rad);
         let light = pdm::red_light(view);
-        let others = forecast::others(view, &own, light, (&pdm::PUBLISHED, &mut self.passed_over));
+        let others = forecast::others(view, &own, light, &pdm::PUBLISHED, &mut self.passed_over);
         let aimed_mps = pdm::limit_mps(view, settings.free_speed_mps);
         let beside_m = beside_road_m(view.plant(), &own, f64::INFINITY).max(settings.beside_road_m);
-        for level in settings.levels {
-            let mut ranked: Vec<(f64, Manoeuvre)> = manoeuvres(&start, now.speed_mps, level, settings)
+        for (steps, samples) in settings.levels {
+            let mut ranked: Vec<(f64, Manoeuvre)> = manoeuvres(&start, now.speed_mps, steps, samples, settings)
                 .filter_map(|one| Some((one.cost(reference, aimed_mps, &able, settings)?, one)))
                 .collect();
             ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -82,7 +82,8 @@ impl FrenetDriver {
 fn manoeuvres(
     start: &Start,
     speed_mps: f64,
-    (steps, samples): (usize, usize),
+    steps: usize,
+    samples: usize,
     settings: &Settings,
 ) -> impl Iterator<Item = Manoeuvre> {
     let even =

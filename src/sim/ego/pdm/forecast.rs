@@ -51,7 +51,8 @@ pub fn others(
     view: &View<'_>,
     own: &OrientedBox,
     light: Option<(Vec2, f64)>,
-    (settings, passed_over): (&Settings, &mut BTreeSet<ActorRef>),
+    settings: &Settings,
+    passed_over: &mut BTreeSet<ActorRef>,
 ) -> Vec<Other> {
     let mut near: Vec<(f64, AgentKind, Other)> = Vec::new();
     view.for_each_within(settings.radius_m, |seen| {
@@ -101,5 +102,5 @@ pub fn contact_kind(
     other: &Other,
     theirs: &OrientedBox,
 ) -> ContactKind {
-    ContactKind::of(own, rear_axle, speed_mps, (theirs, other.stands()))
+    ContactKind::of(own, rear_axle, speed_mps, theirs, other.stands())
 }

@@ -77,7 +77,7 @@ impl Driver for PdmDriver {
         let car = Car::of(ego.size);
         let now = car.state(ego);
         let own = car.footprint(now.position, now.heading_rad);
-        let others = forecast::others(view, &own, red_light(view), (settings, &mut self.passed_over));
+        let others = forecast::others(view, &own, red_light(view), settings, &mut self.passed_over);
         let pose = Pose { position: now.position, heading_rad: now.heading_rad };
         let trajectories = proposals::proposals(&way.paths, &car, (&pose, now.speed_mps), &others, limit_mps, settings);
         let simulated: Vec<[State; STATES]> = trajectories.iter().map(|poses| car.simulated(now, poses)).collect();

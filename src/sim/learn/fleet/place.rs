@@ -57,13 +57,15 @@ impl Place {
     /// Begins the next episode: a task drawn from this place's own stream, so that neither threads nor other places matter.
     pub fn begin(&mut self, tasks: &Tasks, options: &FleetOptions) -> Result<(), SimError> {
         let mut stream = Seed(self.seed).stream(&["learn", "fleet", &self.episodes.to_string()]);
-        self.begin_with(tasks.draw(&mut stream), tasks, options)
+        let (program, task) = tasks.draw(&mut stream);
+        self.begin_with(program, task, tasks, options)
     }
 
     /// Begins an episode of a given task.
     pub fn begin_with(
         &mut self,
-        (program, task): (usize, usize),
+        program: usize,
+        task: usize,
         tasks: &Tasks,
         options: &FleetOptions,
     ) -> Result<(), SimError> {

@@ -154,7 +154,7 @@ impl<'r> Rows<'r> {
     ) -> Result<(), FleetError> {
         let place = &mut self.places[row];
         let begun = match task {
-            Some(task) => place.begin_with(task, tasks, options),
+            Some((program, task)) => place.begin_with(program, task, tasks, options),
             None => place.begin(tasks, options),
         };
         begun.map_err(|source| self.failed(row, source))?;

@@ -173,13 +173,14 @@ pub(in crate::sim) fn assess_relived<'a>(
 
 /// Returns `true` if some manoeuvre begun in a state at step `from` helps.
 fn avoids(fork: &ClosedLoop<'_>, from: usize, until: usize, options: &AvoidanceOptions) -> bool {
-    Manoeuvre::ALL.into_iter().any(|manoeuvre| helps(fork, (from, until), manoeuvre, options))
+    Manoeuvre::ALL.into_iter().any(|manoeuvre| helps(fork, from, until, manoeuvre, options))
 }
 
 /// Returns `true` if a manoeuvre begun in a state at the first step stays clear up to the second.
 pub(super) fn helps(
     fork: &ClosedLoop<'_>,
-    (from, until): (usize, usize),
+    from: usize,
+    until: usize,
     manoeuvre: Manoeuvre,
     options: &AvoidanceOptions,
 ) -> bool {

@@ -32,12 +32,7 @@ pub enum ContactKind {
 
 impl ContactKind {
     /// Returns the type for boxes that touch. `axle` is the ego's rear axle; `other_stands` is true if the other stands or is no road user.
-    pub fn of(
-        ego: &OrientedBox,
-        axle: Vec2,
-        speed_mps: f64,
-        (other, other_stands): (&OrientedBox, bool),
-    ) -> ContactKind {
+    pub fn of(ego: &OrientedBox, axle: Vec2, speed_mps: f64, other: &OrientedBox, other_stands: bool) -> ContactKind {
         if speed_mps <= EGO_STANDS_MPS {
             return ContactKind::EgoStands;
         }
@@ -126,12 +121,15 @@ impl Fault {
     /// Returns the clause for boxes that touch, with the velocities of both.
     pub(in crate::sim) fn of(
         plant: &Plant,
-        (ego, ego_velocity): (&OrientedBox, Vec2),
-        (other, other_velocity, kind): (&OrientedBox, Vec2, AgentKind),
+        ego: &OrientedBox,
+        ego_velocity: Vec2,
+        other: &OrientedBox,
+        other_velocity: Vec2,
+        kind: AgentKind,
     ) -> Fault {
         let axle = ego.center - ego.axis * (REAR_SHARE * 2.0 * ego.half_length_m);
         let other_stands = kind == AgentKind::Static || other_velocity.norm() <= OTHER_STANDS_MPS;
-        match ContactKind::of(ego, axle, ego_velocity.norm(), (other, other_stands)) {
+        match ContactKind::of(ego, axle, ego_velocity.norm(), other, other_stands) {
             ContactKind::EgoStands => Fault::StoppedEgo,
             ContactKind::OtherStands => Fault::StoppedTrack,
             ContactKind::Rear => Fault::ActiveRear,
@@ -205,7 +203,7 @@ mod tests {
         let of = |y: f64, speed: f64, at: Vec2, velocity: Vec2, kind: AgentKind| {
             let ego = OrientedBox::new(Vec2::new(0.0, y), 0.0, 4.5, 1.9);
             let other = OrientedBox::new(at, 0.0, 4.5, 1.9);
-            Fault::of(&plant, (&ego, Vec2::new(speed, 0.0)), (&other, velocity, kind))
+            Fault::of(&plant, &ego, Vec2::new(speed, 0.0), &other, velocity, kind)
         };
         let (ahead, behind, beside) = (Vec2::new(4.4, 0.2), Vec2::new(-4.4, 0.2), Vec2::new(-0.5, 1.8));
         let (on, car) = (Vec2::new(5.0, 0.0), AgentKind::Vehicle);

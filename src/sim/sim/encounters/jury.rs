@@ -215,7 +215,7 @@ impl<'a> Watcher<'a> {
     }
 
     /// Returns `true` if this driver would have stayed clear; `None` for one that the regulation does not define here.
-    fn avoids(&self, class: ContactClass, (actor, until): (usize, usize)) -> Option<bool> {
+    fn avoids(&self, class: ContactClass, actor: usize, until: usize) -> Option<bool> {
         let Some((from, fork)) = &self.begins else {
             // A leader's weaker braking is undefined. Any other driver that sees no reason to act meets the other.
             return (self.juror != Juror::HumanDriver || class != ContactClass::EgoStrikes).then_some(false);
@@ -280,7 +280,7 @@ impl<'a> Watchers<'a> {
     pub fn jury(&self, careful: Option<bool>, until: usize) -> Jury {
         let mut jury = Jury { careful, ..Jury::default() };
         for watcher in &self.all {
-            let avoids = watcher.avoids(self.class, (self.actor, until));
+            let avoids = watcher.avoids(self.class, self.actor, until);
             match watcher.juror {
                 Juror::Reg157 => jury.reg157 = avoids,
                 Juror::HumanDriver => jury.human_driver = avoids,

@@ -127,7 +127,7 @@ pub(in crate::sim) fn timeline_relived<'a>(
     })?;
     let until = last + in_steps(options.horizon_s);
     let last_helpful =
-        |by: Manoeuvre| states.iter().rev().find(|(k, state)| helps(state, (*k, until), by, options)).map(|of| of.0);
+        |by: Manoeuvre| states.iter().rev().find(|(k, state)| helps(state, *k, until, by, options)).map(|of| of.0);
     let chance = |by: Manoeuvre| Chance { by, last_s: last_helpful(by).map(in_seconds) };
     let from = visible.or(states.first().map(|of| of.0)).unwrap_or(last);
     Ok(Timeline {

@@ -8,7 +8,7 @@
 
 use nalgebra::{Matrix3, Quaternion, Vector3};
 
-use crate::kernel::{Vec2, num};
+use crate::kernel::{Pose, Vec2, num};
 use crate::scene::Sample;
 use crate::sim::prepared::body::{Place, SUBSTEP_S, SUBSTEPS};
 
@@ -70,9 +70,9 @@ pub struct SprungCar {
     /// Angular velocity, rad/s.
     spin: Vector,
     /// Its centre and heading: position and orientation as seen on the ground.
-    pose: (Vec2, f64),
+    pose: Pose,
     /// Centre and heading a physics step ago. MetaDrive shows every body there, to its driver, too.
-    shown: (Vec2, f64),
+    shown: Pose,
     /// True until it moves for the first time after it was put on the road.
     scrapes: bool,
 }
@@ -102,16 +102,15 @@ impl SprungCar {
             orientation: Quaternion::new(cosine, 0.0, 0.0, sine),
             velocity: Vector::new(sample.velocity.x, sample.velocity.y, 0.0),
             spin: Vector::zeros(),
-            pose: (sample.position, sample.heading_rad),
-            shown: (sample.position, sample.heading_rad),
+            pose: Pose { position: sample.position, heading_rad: sample.heading_rad },
+            shown: Pose { position: sample.position, heading_rad: sample.heading_rad },
             scrapes: true,
         }
     }
 
     /// Returns its place.
     pub fn place(&self) -> Place {
-        let (position, heading_rad) = self.pose;
-        Place { position, axis: Vec2::from_heading(heading_rad) }
+        Place { position: self.pose.position, axis: Vec2::from_heading(self.pose.heading_rad) }
     }
 
     /// Returns its place and its motion.
@@ -124,7 +123,7 @@ impl SprungCar {
         self.sample_at(self.shown)
     }
 
-    fn sample_at(&self, (position, heading_rad): (Vec2, f64)) -> Sample {
+    fn sample_at(&self, Pose { position, heading_rad }: Pose) -> Sample {
         Sample { position, heading_rad, velocity: Vec2::new(self.velocity.x, self.velocity.y) }
     }
 
@@ -150,7 +149,10 @@ impl SprungCar {
         self.position += self.velocity * SUBSTEP_S;
         self.turn();
         let axes = rotation(&self.orientation);
-        self.pose = (Vec2::new(self.position.x, self.position.y), num::atan2(axes[(1, 1)], axes[(0, 1)]));
+        self.pose = Pose {
+            position: Vec2::new(self.position.x, self.position.y),
+            heading_rad: num::atan2(axes[(1, 1)], axes[(0, 1)]),
+        };
         let inverse = axes * Matrix3::from_diagonal(&Vector::from(INERTIA_KGM2.map(|i| 1.0 / i))) * axes.transpose();
         let turned = num::sin_cos(steering_rad);
         let mut wheels: [Wheel; 4] = core::array::from_fn(|i| self.wheel(i, &axes, turned));

@@ -263,10 +263,11 @@ impl<'a> ClosedLoop<'a> {
         let before = Before::of(&self.plant, &self.world, k, hit, &self.ego.along);
         let own = size.at(step.path[hit.substep]);
         let contact = contact::describe(hit, k, &own, velocity, &before);
-        let fault =
-            self.plant.options().at_fault.then(|| {
-                Fault::of(&self.plant, (&own, velocity), (&hit.size.at(hit.place), hit.velocity, hit.size.kind))
-            });
+        let fault = self
+            .plant
+            .options()
+            .at_fault
+            .then(|| Fault::of(&self.plant, &own, velocity, &hit.size.at(hit.place), hit.velocity, hit.size.kind));
         Contact { fault, ..contact }
     }
 

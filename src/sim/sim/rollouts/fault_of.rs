@@ -23,5 +23,5 @@ pub fn fault_of(plant: &Plant, outcome: &Outcome, motion: &Trace) -> Option<Faul
     let (length_m, width_m) = (2.0 * plant.ego_size.half_length_m, 2.0 * plant.ego_size.half_width_m);
     let own = OrientedBox::new(ego.position, ego.heading_rad, length_m, width_m);
     let theirs = OrientedBox::new(other.position, other.heading_rad, met.length_m, met.width_m);
-    Some(Fault::of(plant, (&own, ego.velocity), (&theirs, other.velocity, kind)))
+    Some(Fault::of(plant, &own, ego.velocity, &theirs, other.velocity, kind))
 }

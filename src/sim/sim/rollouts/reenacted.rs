@@ -51,7 +51,8 @@ pub fn reported_timeline(
     plant: &Plant,
     intervention: &Intervention,
     reported: &ReportedRollout,
-    (replays, contact): (bool, &Contact),
+    replays: bool,
+    contact: &Contact,
 ) -> Result<Timeline, ReportedError> {
     Ok(timeline_relived(&mut Reenacted::new(plant, intervention, reported, replays)?, contact)?)
 }

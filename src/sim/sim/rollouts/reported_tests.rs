@@ -379,7 +379,7 @@ fn a_told_rollout_has_the_time_line_of_the_rollout_that_it_tells() {
         let Some((contact, own)) = outcome.contact.zip(own) else { continue };
         let reported = tell(&plant, &act, policy.driver().as_mut()).unwrap();
         let replays = policy.driver().follows_log();
-        let mut told = reported_timeline(&plant, &act, &reported, (replays, &contact)).unwrap();
+        let mut told = reported_timeline(&plant, &act, &reported, replays, &contact).unwrap();
         // The speeds of reported poses are rounded.
         assert!((told.braked_mps2_max - own.braked_mps2_max).abs() < 1e-6, "seed {seed}");
         told.braked_mps2_max = own.braked_mps2_max;

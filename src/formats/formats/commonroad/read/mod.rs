@@ -164,7 +164,7 @@ fn unplanned(file: &File<'_>, network: &road::Network, obstacles: &obstacles::Ob
     let id = file.root.needed_attribute("benchmarkID")?.to_string();
     let last_s = obstacles.last_s().max(problem.goal_step.map_or(0.0, |step| step * file.dt_s));
     let ego = problem::unplanned_ego(&problem);
-    Ok(assembled(file, id, (0.0, Vec2::ZERO), last_s, ego, network, obstacles))
+    Ok(assembled(file, id, Zero { time_s: 0.0, place: Vec2::ZERO }, last_s, ego, network, obstacles))
 }
 
 fn opened<'d>(name: &'d str, root: Element<'d>) -> Result<File<'d>, ImportError> {
@@ -205,14 +205,21 @@ fn scene(
     let last_seen_s = obstacles.last_s() - start_s;
     let goal_s = problem.goal_step.map_or(0.0, |step| step * file.dt_s - start_s);
     let needed_s = last_seen_s.max(goal_s).max(problem::driving_time_s(&ego));
-    Ok(assembled(file, id, (start_s, problem.position), needed_s, ego, network, obstacles))
+    let zero = Zero { time_s: start_s, place: problem.position };
+    Ok(assembled(file, id, zero, needed_s, ego, network, obstacles))
 }
 
-/// Returns the scene that begins at a time and has its origin at a place of the file.
+/// Time and place of a file at which a scene has its own zero.
+struct Zero {
+    time_s: f64,
+    place: Vec2,
+}
+
+/// Returns the scene that begins there.
 fn assembled(
     file: &File<'_>,
     id: String,
-    (start_s, here): (f64, Vec2),
+    Zero { time_s: start_s, place: here }: Zero,
     needed_s: f64,
     ego: Ego,
     network: &road::Network,

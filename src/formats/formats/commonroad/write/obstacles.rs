@@ -21,8 +21,8 @@ const LATERAL_MPS_MIN: f64 = 1e-9;
 
 pub(super) fn write(xml: &mut Xml, scene: &Scene, ids: &Ids, notes: &mut Vec<Note>) {
     for (edge, &id) in scene.road.edges.iter().zip(&ids.edges) {
-        if let Some(sides) = as_box(edge) {
-            boundary(xml, sides, id);
+        if let Some((centre, heading_rad, length_m, width_m)) = as_box(edge) {
+            boundary(xml, centre, heading_rad, length_m, width_m, id);
         }
     }
     let start = scene.ego.start_step;
@@ -144,7 +144,7 @@ fn as_box(line: &[Vec2]) -> Option<(Vec2, f64, f64, f64)> {
     (is_closed && is_upright).then(|| (a.lerp(c, 0.5), along.heading(), length, width))
 }
 
-fn boundary(xml: &mut Xml, (centre, heading_rad, length_m, width_m): (Vec2, f64, f64, f64), id: u32) {
+fn boundary(xml: &mut Xml, centre: Vec2, heading_rad: f64, length_m: f64, width_m: f64, id: u32) {
     xml.within("staticObstacle", &[("id", &id)], |xml| {
         xml.leaf("type", "roadBoundary");
         xml.within("shape", &[], |xml| rectangle(xml, length_m, width_m, 0.0, None));

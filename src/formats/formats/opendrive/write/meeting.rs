@@ -51,7 +51,7 @@ pub(super) fn meet(road: &Road, links: &[(LaneIx, LaneIx)], stations: &mut [Opti
 /// Ends and starts that are one place: nearest pairs first, as long as all of a place lie within reach of their middle.
 fn joints(lanes: usize, links: &[(LaneIx, LaneIx)], stations: &[Option<Vec<Station>>]) -> (Vec<Vec<End>>, Met) {
     let gap_m = |&(from, to): &(LaneIx, LaneIx)| {
-        let ends = (station_at(stations, (from, true)), station_at(stations, (to, false)));
+        let ends = (station_at(stations, from, true), station_at(stations, to, false));
         if let (Some(a), Some(b)) = ends { a.point.distance(b.point) } else { f64::INFINITY }
     };
     let mut order: Vec<(f64, usize)> = links.iter().enumerate().map(|(ix, link)| (gap_m(link), ix)).collect();
@@ -83,7 +83,8 @@ fn joints(lanes: usize, links: &[(LaneIx, LaneIx)], stations: &[Option<Vec<Stati
 
 /// The middle of ends that lie close together and look the same way, and that way, of length 1.
 fn joint(members: &[End], stations: &[Option<Vec<Station>>]) -> Option<(Vec2, Vec2)> {
-    let here: Vec<Station> = members.iter().map(|&end| station_at(stations, end)).collect::<Option<_>>()?;
+    let here: Vec<Station> =
+        members.iter().map(|&(lane, end)| station_at(stations, lane, end)).collect::<Option<_>>()?;
     let share = 1.0 / here.len() as f64;
     let point = here.iter().fold(Vec2::ZERO, |sum, s| sum + s.point * share);
     let ahead = here.iter().fold(Vec2::ZERO, |sum, s| sum + Vec2::from_heading(s.heading_rad));
@@ -135,7 +136,7 @@ fn make_room(stations: &mut Vec<Station>, end: bool, point: Vec2) {
     }
 }
 
-fn station_at(stations: &[Option<Vec<Station>>], (lane, end): End) -> Option<Station> {
+fn station_at(stations: &[Option<Vec<Station>>], lane: LaneIx, end: bool) -> Option<Station> {
     let of = stations[lane].as_ref()?;
     if end { of.last().copied() } else { of.first().copied() }
 }

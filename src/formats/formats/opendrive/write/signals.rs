@@ -31,15 +31,15 @@ pub(super) fn write(xml: &mut Xml, scene: &Scene, network: &Network, road: usize
     }
     xml.within("signals", &[], |xml| {
         for (id, s_m, t_m) in &lights {
-            signal(xml, id, (*s_m, *t_m), "yes", LIGHT_HEIGHT_M, ["OpenDRIVE", "1000001", "-1"]);
+            signal(xml, id, *s_m, *t_m, "yes", LIGHT_HEIGHT_M, ["OpenDRIVE", "1000001", "-1"]);
         }
         for (id, s_m, t_m) in &signs {
-            signal(xml, id, (*s_m, *t_m), "no", SIGN_HEIGHT_M, ["DE", "206", "-1"]);
+            signal(xml, id, *s_m, *t_m, "no", SIGN_HEIGHT_M, ["DE", "206", "-1"]);
         }
     });
 }
 
-fn signal(xml: &mut Xml, id: &str, (s_m, t_m): (f64, f64), dynamic: &str, height_m: &str, catalogue: [&str; 3]) {
+fn signal(xml: &mut Xml, id: &str, s_m: f64, t_m: f64, dynamic: &str, height_m: &str, catalogue: [&str; 3]) {
     let [country, kind, subtype] = catalogue;
     xml.empty(
         "signal",

@@ -1,5 +1,7 @@
 //! A figure as PDF, one page with its font in it, so that it looks the same everywhere; equal figures are equal bytes. The pdf-writer
-//! crate writes the objects; dates and names of programs are left out.
+//! crate writes the objects; dates and names of programs are left out. The svg2pdf crate (0.13) does not stand here, because it walks its
+//! fonts through a map with a random seed, so that a page with plain and bold letters has other bytes each time, and because it needs usvg
+//! 0.45 and pdf-writer 0.12, which would be built beside the ones in use.
 
 use pdf_writer::types::{FontFlags, LineCapStyle};
 use pdf_writer::{Content, Finish, Name, Pdf, Rect, Ref, Str, TextStr};

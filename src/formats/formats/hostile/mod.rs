@@ -53,7 +53,7 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
             (1..10).map(|k| format!("<!ENTITY l{k} \"{}\">", format!("&l{};", k - 1).repeat(10))).collect();
         format!("<?xml version=\"1.0\"?><!DOCTYPE {root} [<!ENTITY l0 \"lol\">{entities}]><{root}>&l9;</{root}>")
     };
-    let elements = |root: &str| format!("<{root}>{}", "<a>".repeat(100_000));
+    let elements = |root: &str| format!("<{root}>{}{}</{root}>", "<a>".repeat(100_000), "</a>".repeat(100_000));
     let lane = |change: &dyn Fn(&mut serde_json::Value)| described(|scene| change(&mut scene["map_features"]["10"]));
     let states =
         |change: &dyn Fn(&mut serde_json::Value)| described(|scene| change(&mut scene["tracks"]["2"]["state"]));
@@ -89,9 +89,9 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
         (cr, "entity bomb", bomb("commonRoad").into_bytes(), "remove <!DOCTYPE"),
         (odr, "entity bomb", bomb("OpenDRIVE").into_bytes(), "remove <!DOCTYPE"),
         (route, "entity bomb", bomb("routes").into_bytes(), "remove <!DOCTYPE"),
-        (cr, "entity in an attribute", crossing("2020a", "&l9;"), "without entities"),
-        (odr, "entity in an attribute", edited(odr, "road id=\"3\"", "road id=\"&l9;\""), "without entities"),
-        (route, "entity in an attribute", edited(route, "Plain", "&l9;"), "without entities"),
+        (cr, "entity in an attribute", crossing("2020a", "&l9;"), "found &l9;"),
+        (odr, "entity in an attribute", edited(odr, "road id=\"3\"", "road id=\"&l9;\""), "found &l9;"),
+        (route, "entity in an attribute", edited(route, "Plain", "&l9;"), "found &l9;"),
         // Counts of 1e12.
         (
             net,

@@ -168,8 +168,8 @@ impl<'a> Document<'a> {
 
     /// The text of the first processing instruction of a target.
     pub fn instruction(&self, target: &str) -> Option<&str> {
-        let mut found = self.tree.descendants().filter_map(|node| node.pi()).filter(|pi| pi.target == target);
-        found.next().map(|pi| pi.value.unwrap_or_default().trim())
+        let mut instructions = self.tree.descendants().filter_map(|node| node.pi()).filter(|pi| pi.target == target);
+        instructions.next().map(|pi| pi.value.unwrap_or_default().trim())
     }
 
     /// Call this after reading: it fails if the search budget ran out.

@@ -152,13 +152,18 @@ fn a_bend_costs_the_physical_plant_what_a_coasting_car_was_measured_to_lose() {
 fn a_follower_starts_as_recorded_or_from_standstill() {
     let follower = car("follower", straight(sample(-30.0, 0.0, 0.0, 10.0), 91));
     let scene = straight_road(91, 10.0, vec![follower]);
-    let moved = |options: &SimulatorOptions| {
+    let moved = |options: &SimulatorOptions, ego: &Policy| {
         let plant = Plant::with_options(PreparedScene::new(Arc::new(scene.clone())), options).unwrap();
-        let (_, trace) = rollout_traced(&plant, &Intervention::default(), &mut *Policy::Idm.driver()).unwrap();
+        let (_, trace) = rollout_traced(&plant, &Intervention::default(), &mut *ego.driver()).unwrap();
         trace.actors[0].samples[1].unwrap().position.x + 30.0
     };
-    assert!((moved(&physical()) - 1.0).abs() < 0.05);
-    assert!(moved(&metadrive()) < 0.05);
+    assert!((moved(&physical(), &Policy::Idm) - 1.0).abs() < 0.05);
+    assert!(moved(&metadrive(), &Policy::Idm) < 0.05);
+    // A log is looked at as it was, unless the plant says that traffic reacts to it, too.
+    assert_eq!(moved(&metadrive(), &Policy::Replay), 1.0);
+    let mut reacts = metadrive();
+    reacts.plant.reactive_under_replay = true;
+    assert!(moved(&reacts, &Policy::Replay) < 0.05);
 }
 
 #[test]

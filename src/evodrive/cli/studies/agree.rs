@@ -287,10 +287,10 @@ fn play(both: &Both<'_>, case: &Case<'_>) -> Result<Pair, String> {
         Ok(Played { outcome: record.outcome, motion, intervention, brought_about })
     };
     let (a, b) = (played(0)?, played(1)?);
-    let partner_is_there = match (&a.outcome.contact, &b.outcome.contact) {
-        (Some(contact), None) => is_there(&b.motion, contact),
-        (None, Some(contact)) => is_there(&a.motion, contact),
-        _ => true,
+    let partner_apart_m = match (&a.outcome.contact, &b.outcome.contact) {
+        (Some(contact), None) => partner_apart_m(contact, &a.motion, &b.motion),
+        (None, Some(contact)) => partner_apart_m(contact, &b.motion, &a.motion),
+        _ => Some(0.0),
     };
     let changed = match both.own {
         Some(own) => changed(both, own, case, &[&a, &b][own].intervention)?,
@@ -309,7 +309,7 @@ fn play(both: &Both<'_>, case: &Case<'_>) -> Result<Pair, String> {
         ego: case.spec.ego.name().to_string(),
         a: side(&a, &name),
         b: side(&b, &name),
-        partner_is_there,
+        partner_apart_m,
         changed,
     })
 }
@@ -370,8 +370,14 @@ fn word(value: &impl serde::Serialize) -> String {
     word.unwrap_or_default()
 }
 
-/// Returns `true` if the partner of a contact is on the road in the other rollout at that time.
-fn is_there(trace: &Trace, contact: &Contact) -> bool {
-    let row = ((10.0 * contact.time_s) as usize).min(trace.ego.len() - 1);
-    trace.actors.iter().any(|actor| actor.actor == contact.with && actor.samples[row].is_some())
+/// Returns the distance between the places of a contact's partner in the rollout with it and in the other one at the last whole step
+/// before it, metres; `None` if it is not on the road in the other.
+fn partner_apart_m(contact: &Contact, own: &Trace, other: &Trace) -> Option<f64> {
+    let step = (10.0 * contact.time_s) as usize;
+    let place = |trace: &Trace| {
+        let actor = trace.actors.iter().find(|actor| actor.actor == contact.with)?;
+        Some(actor.samples[step.min(trace.ego.len() - 1)]?.position)
+    };
+    let there = place(other)?;
+    Some(place(own).map_or(0.0, |own| own.distance(there)))
 }

@@ -52,6 +52,8 @@ pub fn plant_changes(plant: &PlantOptions) -> Vec<PlantChange> {
             add("followers begin as recorded", &|plant| plant.follower_start = FollowerStart::Recorded);
         }
     }
+    let under_replay = if plant.reactive_under_replay { "no followers under replay" } else { "followers under replay" };
+    add(under_replay, &|plant| plant.reactive_under_replay = !plant.reactive_under_replay);
     if plant.ego_car == EgoCar::Sprung {
         // Its wheels decide the loss of speed in bends and the effect of brakes.
         add("the ego's car without springs", &|plant| plant.ego_car = EgoCar::SingleTrack);

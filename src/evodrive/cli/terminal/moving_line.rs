@@ -1,4 +1,5 @@
-//! Progress of a run on stderr, from its start: which epoch of how many, the share done, the rate, the time left. On a terminal
+//! Progress of a run on stderr, from its start: which epoch of how many, the share done, the rate, the time left until the run ends, with the
+//! choice of programs and the held-out scenes that follow the epochs. On a terminal
 //! one moving line, which names the run folder too where there is room, and a line that stays for each epoch; in a file or pipe
 //! a line for each piece of news. A model that takes its time is told of answer by answer: an epoch of a small local model
 //! is an hour.
@@ -34,8 +35,10 @@ pub struct MovingLine {
     place: String,
     way: Way,
     begun: Instant,
-    /// Proposals that were judged.
+    /// Proposals that were judged, those of them that were accepted, and rollouts that were simulated for them.
     done: AtomicU64,
+    accepted: AtomicU64,
+    simulated: AtomicU64,
     /// Proposals among them of an earlier try, while nothing had to be simulated, and the milliseconds that they took.
     again: (AtomicU64, AtomicU64),
     /// Answers that took their time.
@@ -55,6 +58,8 @@ impl MovingLine {
             way,
             begun: Instant::now(),
             done: 0.into(),
+            accepted: 0.into(),
+            simulated: 0.into(),
             again: Default::default(),
             answered: 0.into(),
         };
@@ -70,8 +75,10 @@ impl MovingLine {
 
     /// One piece of news, and the rollouts that the run rested on so far.
     pub fn tell(&self, news: &Progress, rollouts: RolloutCounts) {
-        if matches!(news, Progress::Attempt { .. }) {
+        if let Progress::Attempt { accepted, .. } = news {
             self.done.fetch_add(1, Ordering::Relaxed);
+            self.accepted.fetch_add(u64::from(*accepted), Ordering::Relaxed);
+            self.simulated.store(rollouts.simulated as u64, Ordering::Relaxed);
         }
         if rollouts.simulated == 0 {
             self.again.0.store(self.done.load(Ordering::Relaxed), Ordering::Relaxed);
@@ -83,6 +90,11 @@ impl MovingLine {
                 bar.set_position(self.done.load(Ordering::Relaxed));
                 let rollouts = counted(rollouts.reused + rollouts.simulated, "rollout");
                 bar.set_message(self.words(&[&rollouts, text.trim()]));
+            }
+            (Some(bar), Progress::Choosing { done, all } | Progress::Opening { done, all }) => {
+                bar.set_length(*all as u64);
+                bar.set_position(*done as u64);
+                bar.set_message(self.words(&[text.trim()]));
             }
             (Some(bar), _) => bar.suspend(|| progress(text)),
             (None, Progress::Settled { .. }) => progress(format!("{text}; {}", self.standing().whole)),
@@ -97,9 +109,12 @@ impl MovingLine {
     }
 
     fn standing(&self) -> Standing {
-        let (done, seconds) = (self.done.load(Ordering::Relaxed), self.begun.elapsed().as_secs_f64());
-        let again = (self.again.0.load(Ordering::Relaxed), self.again.1.load(Ordering::Relaxed) as f64 / 1e3);
-        self.way.standing(done, seconds, again)
+        let of = |count: &AtomicU64| count.load(Ordering::Relaxed);
+        let (done, seconds) = (of(&self.done), self.begun.elapsed().as_secs_f64());
+        let again = (of(&self.again.0), of(&self.again.1) as f64 / 1e3);
+        let labels = self.way.labels_behind(done, of(&self.accepted));
+        let label_s = if of(&self.simulated) == 0 { 0.0 } else { (seconds - again.1) / of(&self.simulated) as f64 };
+        self.way.standing(done, seconds, again, labels * label_s)
     }
 
     /// A model that told its answer, or failed to, after so long.
@@ -149,12 +164,37 @@ struct Way {
     epochs: u64,
     /// Proposals of all lineages in an epoch.
     each: u64,
+    lineages: u64,
+    /// Most programs of a lineage among which is chosen, beside the parent.
+    finalists: u64,
+    /// Scenes on which is chosen, and held-out ones.
+    choosing: u64,
+    held_out: u64,
 }
+
+/// Programs of a lineage that meet the held-out scenes: the parent, the chosen one and the two behind it.
+const REPORTED: f64 = 4.0;
 
 impl Way {
     fn of(study: &Study) -> Way {
         let lineages = study.lineages.len() as u64;
-        Way { epochs: u64::from(study.budget.epochs), each: u64::from(study.budget.slots) * lineages }
+        Way {
+            epochs: u64::from(study.budget.epochs),
+            each: u64::from(study.budget.slots) * lineages,
+            lineages,
+            finalists: study.budget.finalists as u64,
+            choosing: study.choosing().len() as u64,
+            held_out: study.held_out.len() as u64,
+        }
+    }
+
+    /// Returns the number of labels that choice and held-out scenes may need, if proposals are accepted as often as so far.
+    fn labels_behind(self, done: u64, accepted: u64) -> f64 {
+        let share = accepted as f64 / done.max(1) as f64;
+        let descendants = share * self.proposals() as f64 / self.lineages.max(1) as f64;
+        let finalists = 1.0 + descendants.min(self.finalists as f64);
+        let reported = REPORTED.min(finalists);
+        self.lineages as f64 * (finalists * self.choosing as f64 + reported * self.held_out as f64)
     }
 
     fn proposals(self) -> u64 {
@@ -162,12 +202,13 @@ impl Way {
     }
 
     /// Returns the standing of a run that has judged so many proposals in so many seconds. The rate is the mean since
-    /// it began. If it goes on from an earlier try, `again` of them were only read, and the rate is that of the others.
-    fn standing(self, done: u64, seconds: f64, again: (u64, f64)) -> Standing {
+    /// it began. If it goes on from an earlier try, `again` of them were only read, and the rate is that of the others. What follows the
+    /// epochs takes `behind_s`, s.
+    fn standing(self, done: u64, seconds: f64, again: (u64, f64), behind_s: f64) -> Standing {
         let all = self.proposals();
         if done >= all {
             let (all, epochs) = (counted(all as usize, "proposal"), counted(self.epochs as usize, "epoch"));
-            return Standing::of(format!("finished: all of {all} in {epochs}"), "100 %".into());
+            return Standing::of(format!("all of {all} in {epochs} judged"), "100 %".into());
         }
         let epoch = done / self.each.max(1) + 1;
         let share = 100.0 * done as f64 / all as f64;
@@ -178,7 +219,7 @@ impl Way {
             return Standing::of(begun, short);
         }
         let rate = (done - known) as f64 / (seconds - known_s);
-        let pace = format!("{}, {} left", rated(rate), lasting((all - done) as f64 / rate));
+        let pace = format!("{}, {} left", rated(rate), lasting((all - done) as f64 / rate + behind_s));
         Standing::of(format!("{begun}, {pace}"), format!("{short}, {pace}"))
     }
 }
@@ -250,22 +291,32 @@ mod tests {
 
     #[test]
     fn a_standing_names_epoch_share_rate_and_time_left() {
-        let way = Way { epochs: 4, each: 10 };
-        let standing = |done, seconds| way.standing(done, seconds, (0, 0.0)).whole;
+        let way = way(4, 10);
+        let standing = |done, seconds| way.standing(done, seconds, (0, 0.0), 0.0).whole;
         assert_eq!(standing(0, 3.0), "epoch 1 of 4, 0 % of 40 proposals");
         assert_eq!(standing(9, 3.0), "epoch 1 of 4, 22 % of 40 proposals, 3.0 a second, 10 s left");
         assert_eq!(standing(10, 100.0), "epoch 2 of 4, 25 % of 40 proposals, 6.0 a minute, 5 min left");
         assert_eq!(standing(39, 390_000.0), "epoch 4 of 4, 98 % of 40 proposals, 0.4 an hour, 2.8 h left");
-        assert_eq!(standing(40, 1.0), "finished: all of 40 proposals in 4 epochs");
-        assert_eq!(
-            Way { epochs: 1, each: 1 }.standing(1, 1.0, (0, 0.0)).whole,
-            "finished: all of 1 proposal in 1 epoch"
-        );
+        assert_eq!(standing(40, 1.0), "all of 40 proposals in 4 epochs judged");
+        // What follows the epochs counts, too: 31 proposals at 3 a second and 50 s.
+        assert!(way.standing(9, 3.0, (0, 0.0), 50.0).whole.ends_with("3.0 a second, 60 s left"));
+    }
+
+    fn way(epochs: u64, each: u64) -> Way {
+        Way { epochs, each, lineages: 2, finalists: 6, choosing: 100, held_out: 50 }
+    }
+
+    #[test]
+    fn labels_behind_the_epochs_are_those_of_who_may_be_chosen() {
+        let way = way(4, 10);
+        assert_eq!(way.labels_behind(10, 0), 2.0 * (100.0 + 50.0), "the parents alone");
+        assert_eq!(way.labels_behind(10, 1), 2.0 * (3.0 * 100.0 + 3.0 * 50.0), "two of twenty a lineage");
+        assert_eq!(way.labels_behind(10, 10), 2.0 * (7.0 * 100.0 + 4.0 * 50.0), "as many as the budget takes");
     }
 
     #[test]
     fn a_moving_line_always_says_share_rate_and_time_left() {
-        let standing = Way { epochs: 6, each: 18 }.standing(24, 12.0, (0, 0.0));
+        let standing = way(6, 18).standing(24, 12.0, (0, 0.0), 0.0);
         let news = ["3344 rollouts", "adv_bmt-idm/e5s4   evaluated attack 0.375  realism 0.8984  accepted"];
         let place = "a_study_with_a_long_name_of_its_own-58c89c47";
         for room in 40..120 {
@@ -286,15 +337,15 @@ mod tests {
 
     #[test]
     fn what_was_only_read_again_is_no_part_of_the_rate() {
-        let way = Way { epochs: 4, each: 10 };
+        let way = way(4, 10);
         // 20 read in a second, then 4 in 40 seconds: 16 more take 160.
         assert_eq!(
-            way.standing(24, 41.0, (20, 1.0)).whole,
+            way.standing(24, 41.0, (20, 1.0), 0.0).whole,
             "epoch 3 of 4, 60 % of 40 proposals, 6.0 a minute, 3 min left"
         );
         // Nothing but reading so far: at that rate.
         assert_eq!(
-            way.standing(20, 1.0, (20, 1.0)).whole,
+            way.standing(20, 1.0, (20, 1.0), 0.0).whole,
             "epoch 3 of 4, 50 % of 40 proposals, 20.0 a second, 1 s left"
         );
     }

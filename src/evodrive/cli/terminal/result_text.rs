@@ -53,6 +53,8 @@ pub fn progress(news: &Progress) -> String {
             )
         }
         Progress::Evolved { turn, verdict } => format!("{turn} change of the world evaluator {verdict}"),
+        Progress::Choosing { done, all } => format!("choice of programs: {done} of {}", counted(*all, "label")),
+        Progress::Opening { done, all } => format!("held-out scenes: {done} of {}", counted(*all, "label")),
         Progress::HeldOut { lineage, programs, scenes } => {
             let (programs, scenes) = (counted(*programs, "program"), counted(*scenes, "scene"));
             format!("held-out suite opened for {lineage}: {programs} on {scenes}")

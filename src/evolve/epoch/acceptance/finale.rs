@@ -10,7 +10,7 @@ use crate::epoch::briefs::counsel;
 use crate::epoch::labelling::labels::{self, Labelling};
 use crate::epoch::labelling::measure::held_out_runs;
 use crate::epoch::labelling::replayed;
-use crate::epoch::setting::desk::Desk;
+use crate::epoch::setting::desk::{Desk, Tools};
 use crate::epoch::setting::progress::Progress;
 use crate::epoch::setting::study::{LineageSpec, Study};
 use crate::epoch::state::State;
@@ -49,27 +49,40 @@ pub fn report(study: &Study, state: &mut State, desk: &mut Desk<'_>) -> Result<R
     })
 }
 
-/// Makes the labels of all lineages' finalists on the scenes on which they are chosen, all in one parallel map: lineage by lineage threads would wait at the
-/// end of each one's. What is made is kept label by label, so a run that is stopped here goes on where it was. Under a plan each lineage asks
-/// for its own.
-fn side_by_side(study: &Study, state: &State, desk: &Desk<'_>) -> Result<(), RunError> {
-    if desk.tools.wanted.is_some() || study.lineages.len() < 2 {
+/// Makes the labels of all lineages side by side: those of the finalists on the scenes on which they are chosen, then those of the chosen on the
+/// held-out scenes. Lineage by lineage threads would wait at the end of each one's. What is made is kept label by label, so a run that is
+/// stopped here goes on where it was. Under a plan each lineage asks for its own.
+fn side_by_side(study: &Study, state: &State, desk: &mut Desk<'_>) -> Result<(), RunError> {
+    if desk.tools.wanted.is_some() {
         return Ok(());
     }
-    let mut all = Vec::new();
+    let Desk { watch, tools, .. } = desk;
+    let tools = &*tools;
+    let (mut choosing, mut choices) = (Vec::new(), Vec::new());
     for spec in &study.lineages {
-        // Counsel for scenes of selection is taken lineage by lineage.
-        if !study.selection.is_empty() && study.source(spec)?.asks.counsel.is_some() {
+        // Counsel for scenes outside the evolution pool is taken lineage by lineage.
+        let advised = study.source(spec)?.asks.counsel.is_some();
+        if advised && !study.selection.is_empty() {
             continue;
         }
-        let Finalists { measured, .. } = finalists(study, state, spec)?;
-        let parent = std::iter::once(&state.lineages.get(&spec.id)?.parent);
-        for solution in parent.chain(&measured) {
+        let parent = &state.lineages.get(&spec.id)?.parent;
+        for solution in std::iter::once(parent).chain(&finalists(study, state, spec)?.measured) {
             let program = state.lineages.program(&spec.id, solution)?;
-            all.push((labelling(study, state, spec, desk), program, study.choosing()));
+            choosing.push((labelling(study, state, spec, tools), program, study.choosing()));
+        }
+        if !advised {
+            choices.push((spec, parent));
         }
     }
-    labels::ahead_of_all(&all, &desk.tools)
+    labels::ahead_of_all(&choosing, tools, &mut |done, all| watch(Progress::Choosing { done, all }))?;
+    let mut held_out = Vec::new();
+    for (spec, parent) in choices {
+        for solution in reported(parent, &choose(study, state, spec, parent, tools)?) {
+            let program = state.lineages.program(&spec.id, solution)?;
+            held_out.push((labelling(study, state, spec, tools), program, &study.held_out[..]));
+        }
+    }
+    labels::ahead_of_all(&held_out, tools, &mut |done, all| watch(Progress::Opening { done, all }))
 }
 
 /// The chosen program, and what the choice compared.
@@ -81,7 +94,8 @@ struct Choice {
     top: Vec<SolutionId>,
     /// Further values of `realism_min`, whether each is reached, and the program that the rule chooses there.
     at_realism: Vec<(f64, bool, SolutionId)>,
-    /// Scores of parent and finalists on the scenes on which they were chosen.
+    /// Parent and finalists, in this order, and their scores on the scenes on which they were chosen.
+    compared: Vec<SolutionId>,
     scores: BTreeMap<SolutionId, Score>,
     /// The programs that the budget of finalists had no room for.
     cut: Vec<SolutionId>,
@@ -97,18 +111,17 @@ pub fn one_lineage(
     if !study.selection.is_empty() {
         counsel::take(study, spec, &study.selection, &mut state.counsels, desk)?;
     }
-    let choice = choose(study, state, spec, &parent, desk)?;
+    let choice = choose(study, state, spec, &parent, &desk.tools)?;
+    for solution in &choice.compared {
+        let score = choice.scores[solution].clone();
+        desk.log.append(kind::FINALIST, &Finalist { lineage: spec.id.clone(), solution: solution.clone(), score })?;
+    }
     counsel::take(study, spec, &study.held_out, &mut state.counsels, desk)?;
     let state = &*state;
     let mut measured: BTreeMap<SolutionId, Measured> = BTreeMap::new();
-    let reported = [Some(&parent), Some(&choice.active), choice.endpoint.as_ref()];
-    let at_realism = choice.at_realism.iter().map(|(_, _, solution)| solution);
-    let wanted: Vec<&SolutionId> = reported.into_iter().flatten().chain(&choice.top).chain(at_realism).collect();
-    ahead(study, state, spec, wanted.iter().copied(), &study.held_out, desk)?;
+    let wanted = reported(&parent, &choice);
+    ahead(study, state, spec, wanted.iter().copied(), &study.held_out, &desk.tools)?;
     for solution in wanted {
-        if measured.contains_key(solution) {
-            continue;
-        }
         let score = held_out(study, state, spec, solution, &parent, &choice, desk)?;
         measured.insert(solution.clone(), Measured::new(solution.clone(), &score));
     }
@@ -189,18 +202,15 @@ fn choose(
     state: &State,
     spec: &LineageSpec,
     parent: &SolutionId,
-    desk: &mut Desk<'_>,
+    tools: &Tools<'_>,
 ) -> Result<Choice, RunError> {
     let (mut contenders, mut scores) = (Vec::new(), BTreeMap::new());
     let Finalists { measured, cut } = finalists(study, state, spec)?;
-    ahead(study, state, spec, std::iter::once(parent).chain(&measured), study.choosing(), desk)?;
-    for solution in std::iter::once(parent.clone()).chain(measured) {
+    let compared: Vec<SolutionId> = std::iter::once(parent.clone()).chain(measured).collect();
+    ahead(study, state, spec, compared.iter(), study.choosing(), tools)?;
+    for solution in compared.iter().cloned() {
         let program = state.lineages.program(&spec.id, &solution)?;
-        let score = labelling(study, state, spec, desk).score(program.hashed()?, study.choosing())?;
-        desk.log.append(
-            kind::FINALIST,
-            &Finalist { lineage: spec.id.clone(), solution: solution.clone(), score: score.clone() },
-        )?;
+        let score = labelling(study, state, spec, tools).score(program.hashed()?, study.choosing())?;
         let (objectives, coverage) = (score.objectives, score.coverage);
         contenders.push(Contender { solution: solution.clone(), objectives, coverage });
         scores.insert(solution, score);
@@ -217,7 +227,20 @@ fn choose(
     let filled_up = SelectorOptions { fills_up: true, ..study.selector.clone() };
     let endpoint = first_by_rule(descendants.clone(), 1, &filled_up).pop();
     let top = first_by_rule(descendants, FRONTIER_BUDGET, &study.selector);
-    Ok(Choice { reason: active.reason(), active: active.solution, endpoint, top, at_realism, scores, cut })
+    Ok(Choice { reason: active.reason(), active: active.solution, endpoint, top, at_realism, compared, scores, cut })
+}
+
+/// The programs that meet the held-out scenes: the parent, the chosen one, endpoint, budget and those of further values of `realism_min`; each once.
+fn reported<'c>(parent: &'c SolutionId, choice: &'c Choice) -> Vec<&'c SolutionId> {
+    let at_realism = choice.at_realism.iter().map(|(_, _, solution)| solution);
+    let first = [Some(parent), Some(&choice.active), choice.endpoint.as_ref()].into_iter().flatten();
+    let mut distinct: Vec<&SolutionId> = Vec::new();
+    for solution in first.chain(&choice.top).chain(at_realism) {
+        if !distinct.contains(&solution) {
+            distinct.push(solution);
+        }
+    }
+    distinct
 }
 
 /// Makes labels of programs together that will be needed one by one.
@@ -227,15 +250,15 @@ fn ahead<'s>(
     spec: &LineageSpec,
     solutions: impl Iterator<Item = &'s SolutionId>,
     places: &[usize],
-    desk: &Desk<'_>,
+    tools: &Tools<'_>,
 ) -> Result<(), RunError> {
     let programs =
         solutions.map(|solution| state.lineages.program(&spec.id, solution)).collect::<Result<Vec<_>, _>>()?;
-    labelling(study, state, spec, desk).ahead(&programs, places)
+    labelling(study, state, spec, tools).ahead(&programs, places)
 }
 
-fn labelling<'a>(study: &'a Study, state: &'a State, spec: &'a LineageSpec, desk: &'a Desk<'_>) -> Labelling<'a> {
-    Labelling { study, spec, counsels: &state.counsels, tools: &desk.tools }
+fn labelling<'a>(study: &'a Study, state: &'a State, spec: &'a LineageSpec, tools: &'a Tools<'_>) -> Labelling<'a> {
+    Labelling { study, spec, counsels: &state.counsels, tools }
 }
 
 /// The programs that are measured on the whole evolution pool, and those that the budget had no room for; the most promising first.
@@ -272,7 +295,7 @@ fn held_out(
     desk: &mut Desk<'_>,
 ) -> Result<Score, RunError> {
     let program = state.lineages.program(&spec.id, solution)?;
-    let score = labelling(study, state, spec, desk).score(program.hashed()?, &study.held_out)?;
+    let score = labelling(study, state, spec, &desk.tools).score(program.hashed()?, &study.held_out)?;
     let roles = [
         ("parent", solution == parent),
         ("active", *solution == choice.active),

@@ -104,7 +104,7 @@ impl Labelling<'_> {
             return distinct.iter().try_for_each(want);
         }
         let all: Vec<_> = distinct.into_iter().map(|((_, places), program)| (*self, program, places)).collect();
-        ahead_of_all(&all, tools)
+        ahead_of_all(&all, tools, &mut |_, _| ())
     }
 
     /// Asks a plan for the labels that are not on record, and says how many these are; 0 where no plan is made.
@@ -405,8 +405,15 @@ impl Labelling<'_> {
     }
 }
 
-/// Makes labels that lineages will need, all in one parallel map.
-pub fn ahead_of_all(all: &[(Labelling<'_>, &Program, &[usize])], tools: &Tools<'_>) -> Result<(), RunError> {
+/// Pieces of a parallel map of labels between which progress is reported.
+const PIECES: usize = 10;
+
+/// Makes labels that lineages will need, all in one parallel map, and says now and then how many of how many there are.
+pub fn ahead_of_all(
+    all: &[(Labelling<'_>, &Program, &[usize])],
+    tools: &Tools<'_>,
+    tell: &mut dyn FnMut(usize, usize),
+) -> Result<(), RunError> {
     let mut alone = Vec::new();
     for (labelling, program, places) in all {
         let subject = program.hashed()?;
@@ -417,13 +424,23 @@ pub fn ahead_of_all(all: &[(Labelling<'_>, &Program, &[usize])], tools: &Tools<'
     let asked = asked.collect::<Result<Vec<_>, _>>()?;
     let each = |program: usize| (0..asked[program].places.len()).map(move |scene| (program, scene));
     let all: Vec<(usize, usize)> = (0..asked.len()).flat_map(each).collect();
-    let made = tools.threads.map(&all, |_, &(program, scene)| {
-        tools.go_on()?;
-        let asked = &asked[program];
-        label_one(&asked.subject, scene, &asked.scenes[scene], &|i| asked.label(i), tools.rollouts).map(drop)?;
-        Ok(())
-    });
-    made.into_iter().collect()
+    if all.is_empty() {
+        return Ok(());
+    }
+    let mut done = 0;
+    for piece in all.chunks(all.len().div_ceil(PIECES)) {
+        tell(done, all.len());
+        let made = tools.threads.map(piece, |_, &(program, scene)| {
+            tools.go_on()?;
+            let asked = &asked[program];
+            label_one(&asked.subject, scene, &asked.scenes[scene], &|i| asked.label(i), tools.rollouts).map(drop)?;
+            Ok(())
+        });
+        made.into_iter().collect::<Result<(), RunError>>()?;
+        done += piece.len();
+    }
+    tell(done, all.len());
+    Ok(())
 }
 
 /// Adds what came of a child in one probe scene: it beside its parent, or why it cannot be lowered.

@@ -38,6 +38,16 @@ pub enum Progress {
         turn: String,
         verdict: &'static str,
     },
+    /// So many labels are made of those by which programs are chosen.
+    Choosing {
+        done: usize,
+        all: usize,
+    },
+    /// So many labels are made of those of the chosen on the held-out scenes.
+    Opening {
+        done: usize,
+        all: usize,
+    },
     HeldOut {
         lineage: String,
         programs: usize,

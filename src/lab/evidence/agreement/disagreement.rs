@@ -6,7 +6,7 @@ use super::pair::{Meeting, Pair, Tried};
 
 /// A rollout without contact that came nearer than this just missed it, metres.
 const NEAR_M: f64 = 0.3;
-/// Egos farther apart than this drove differently, metres.
+/// Egos or followers farther apart than this drove differently, metres.
 const APART_M: f64 = 1.0;
 /// A contact so soon after the start was there before anybody drove, s.
 const START_S: f64 = 0.1;
@@ -23,6 +23,8 @@ pub enum Cause {
     EndedBefore,
     /// The egos were more than 1 m apart.
     EgoElsewhere,
+    /// The ego met traffic that stood more than 1 m away from there in the other rollout: it follows by IDM in one of them or in both.
+    Follower,
     /// The other rollout came nearer than 0.3 m: boxes, or centimetres of motion.
     NearMiss,
     /// None of these.
@@ -56,11 +58,12 @@ pub fn cause(pair: &Pair) -> Option<Cause> {
         _ => return None,
     };
     let apart = apart_m(pair, met);
-    Some(match (pair.partner_is_there, apart) {
+    Some(match (pair.partner_apart_m, apart) {
         _ if met.time_s() <= START_S => Cause::Start,
         (_, None) if other.ego.len() as f64 <= 10.0 * met.time_s() => Cause::EndedBefore,
-        (false, _) => Cause::PartnerAbsent,
-        (true, Some(apart)) if apart > APART_M => Cause::EgoElsewhere,
+        (None, _) => Cause::PartnerAbsent,
+        (Some(_), Some(apart)) if apart > APART_M => Cause::EgoElsewhere,
+        (Some(apart), _) if apart > APART_M && !met.adversary => Cause::Follower,
         _ if other.distance_m_min.is_some_and(|distance| distance < NEAR_M) => Cause::NearMiss,
         _ => Cause::Untold,
     })

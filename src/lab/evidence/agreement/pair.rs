@@ -57,8 +57,9 @@ pub struct Pair {
     pub ego: String,
     pub a: Side,
     pub b: Side,
-    /// True if the partner of the one contact is on the road at that time in the rollout without it.
-    pub partner_is_there: bool,
+    /// Distance of the partner of the one contact from its place in the rollout without it, at the last step before it, metres; `None` if
+    /// it is not on the road there. 0 where there is no such contact.
+    pub partner_apart_m: Option<f64>,
     /// Contact in our own simulator with one option of its plant changed, the commands unchanged: one for each of the changes
     /// that a report names. Empty where neither simulator is ours.
     pub changed: Vec<bool>,

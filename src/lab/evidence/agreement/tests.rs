@@ -34,7 +34,7 @@ fn pair(scene: usize, a: Option<(&str, u32)>, b: Option<(&str, u32)>, apart: f64
         ego: "idm".into(),
         a: side(a, 0.0),
         b: side(b, apart),
-        partner_is_there: true,
+        partner_apart_m: Some(0.0),
         changed: vec![],
     }
 }
@@ -120,7 +120,13 @@ fn a_disagreement_has_the_first_cause_that_holds() {
     assert_eq!(one(&|_| {}), Cause::Untold);
     assert_eq!(one(&|pair| pair.a.distance_m_min = Some(0.1)), Cause::NearMiss);
     assert_eq!(one(&|pair| pair.a.ego.iter_mut().for_each(|place| place[1] = 4.0)), Cause::EgoElsewhere);
-    assert_eq!(one(&|pair| pair.partner_is_there = false), Cause::PartnerAbsent);
+    let traffic_is_elsewhere = |pair: &mut Pair| {
+        pair.partner_apart_m = Some(1.5);
+        pair.b.contact.as_mut().unwrap().adversary = false;
+    };
+    assert_eq!(one(&traffic_is_elsewhere), Cause::Follower);
+    assert_eq!(one(&|pair| pair.partner_apart_m = Some(1.5)), Cause::Untold, "an adversary follows nobody");
+    assert_eq!(one(&|pair| pair.partner_apart_m = None), Cause::PartnerAbsent);
     assert_eq!(one(&|pair| pair.a.ego.truncate(20)), Cause::EndedBefore);
     assert_eq!(one(&|pair| pair.b.contact.as_mut().unwrap().at_cs = 6), Cause::Start);
     assert_eq!(cause(&pair(0, None, None, 0.0)), None);

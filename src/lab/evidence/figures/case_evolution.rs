@@ -101,11 +101,11 @@ pub fn case_evolution(all: &[Evolved<'_>]) -> Result<Figure, FigureError> {
     }
     let safebench = !first.run.rounds.is_empty();
     let score = if !safebench {
-        "100 times attack times strict realism"
+        format!("100 times attack times {}", first.run.realism_name())
     } else if first.family.is_some() {
-        "100 times attack, CR (1 - OS), times ARS times the share of valid runs, of the family's scenes,"
+        "100 times attack, CR (1 - OS), times ARS times the share of valid runs, of the family's scenes,".to_string()
     } else {
-        "100 times attack, CR (1 - OS), times ARS times the share of valid runs,"
+        "100 times attack, CR (1 - OS), times ARS times the share of valid runs,".to_string()
     };
     let shown = all.iter().any(|of| of.credit.is_some());
     let chain = if shown {

@@ -24,6 +24,9 @@ pub struct PlantOptions {
     pub cornering_loss: CorneringLoss,
     /// Speed of traffic when it turns reactive.
     pub follower_start: FollowerStart,
+    /// True if traffic turns reactive under an ego that repeats its recording, too, as in MetaDrive. Not written where it does not.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub reactive_under_replay: bool,
     /// The rule by which drivers by IDM see an obstacle.
     pub obstacle: Obstacle,
     /// Size of the ego.
@@ -142,6 +145,7 @@ impl PlantOptions {
         grip_mps2: DEFAULT_LIMITS.grip_mps2,
         cornering_loss: DEFAULT_LIMITS.cornering_loss,
         follower_start: FollowerStart::Recorded,
+        reactive_under_replay: false,
         obstacle: Obstacle::Reaches,
         ego_box: EgoBox::Recorded,
         traffic_boxes: TrafficBoxes::Recorded,
@@ -157,6 +161,7 @@ impl PlantOptions {
         grip_mps2: DEFAULT_LIMITS.grip_mps2,
         cornering_loss: CorneringLoss::Skid { share: 0.19, skid: 0.53, drive: 0.65, holds_mps2: 6.25 },
         follower_start: FollowerStart::Standing,
+        reactive_under_replay: false,
         obstacle: Obstacle::Lane,
         ego_box: EgoBox::MetadriveDefault,
         traffic_boxes: TrafficBoxes::Metadrive,
@@ -236,6 +241,8 @@ struct OwnPlant {
     grip_mps2: f64,
     cornering_loss: CorneringLoss,
     follower_start: FollowerStart,
+    #[serde(default)]
+    reactive_under_replay: bool,
     obstacle: Obstacle,
     ego_box: EgoBox,
     #[serde(default)]
@@ -258,6 +265,7 @@ impl From<WrittenPlant> for PlantOptions {
                 grip_mps2: own.grip_mps2,
                 cornering_loss: own.cornering_loss,
                 follower_start: own.follower_start,
+                reactive_under_replay: own.reactive_under_replay,
                 obstacle: own.obstacle,
                 ego_box: own.ego_box,
                 traffic_boxes: own.traffic_boxes,

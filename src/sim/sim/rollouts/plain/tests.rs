@@ -47,6 +47,7 @@ impl Driver for Remembering {
 fn both(scene: &Scene, act: &Intervention, policy: &Policy, seed: u64) -> (Outcome, Trace, Outcome) {
     // Every third under MetaDrive's law.
     let law = if seed % 3 == 2 { PlantOptions::METADRIVE_0_4_3 } else { PlantOptions::PHYSICAL };
+    let law = PlantOptions { reactive_under_replay: seed % 8 == 4, ..law };
     let options = SimulatorOptions { plant: law, ..SimulatorOptions::SHIPPED };
     let plant = Plant::with_options(PreparedScene::new(Arc::new(scene.clone())), &options).unwrap();
     let mut driver = Remembering { inner: policy.driver(), controls: Vec::new() };

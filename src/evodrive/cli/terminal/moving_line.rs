@@ -167,7 +167,7 @@ struct Way {
     lineages: u64,
     /// Most programs of a lineage among which is chosen, beside the parent.
     finalists: u64,
-    /// Scenes on which is chosen, and held-out ones.
+    /// Scenes on which is chosen and on which accepted programs have no labels yet, and held-out ones.
     choosing: u64,
     held_out: u64,
 }
@@ -178,12 +178,14 @@ const REPORTED: f64 = 4.0;
 impl Way {
     fn of(study: &Study) -> Way {
         let lineages = study.lineages.len() as u64;
+        let known = study.judged_on(study.budget.epochs.saturating_sub(1));
+        let unseen = study.choosing().iter().filter(|place| !known.contains(place));
         Way {
             epochs: u64::from(study.budget.epochs),
             each: u64::from(study.budget.slots) * lineages,
             lineages,
             finalists: study.budget.finalists as u64,
-            choosing: study.choosing().len() as u64,
+            choosing: unseen.count() as u64,
             held_out: study.held_out.len() as u64,
         }
     }

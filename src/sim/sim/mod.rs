@@ -16,9 +16,9 @@ pub use encounters::{
     fault, gaps, jury, lateness_s, meeting,
 };
 pub use prepared::{
-    Along, AvoidanceOptions, EgoBox, EgoCar, FollowerStart, Forecast, Obstacle, Path, Plant, PlantOptions, Scripts,
-    SimError, SimulatorOptions, SimulatorOptionsError, Size, TrafficBoxes, body, drivable, error, options, path, plant,
-    plant_options,
+    Along, AvoidanceOptions, EgoBox, EgoCar, FollowerStart, Forecast, Obstacle, Path, Plant, PlantOptions,
+    ReactiveTraffic, Scripts, SimError, SimulatorOptions, SimulatorOptionsError, Size, TrafficBoxes, body, drivable,
+    error, options, path, plant, plant_options,
 };
 pub use road_users::{
     Action, ActorRef, Control, Driver, EgoState, Intervention, Law, Observed, Phase, Script, Seen, Speed, Trigger,

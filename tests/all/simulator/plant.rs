@@ -159,11 +159,14 @@ fn a_follower_starts_as_recorded_or_from_standstill() {
     };
     assert!((moved(&physical(), &Policy::Idm) - 1.0).abs() < 0.05);
     assert!(moved(&metadrive(), &Policy::Idm) < 0.05);
-    // A log is looked at as it was, unless the plant says that traffic reacts to it, too.
+    // A log is looked at as it was, unless the plant says that traffic reacts to it, too; or nobody reacts.
     assert_eq!(moved(&metadrive(), &Policy::Replay), 1.0);
-    let mut reacts = metadrive();
-    reacts.plant.reactive_under_replay = true;
-    assert!(moved(&reacts, &Policy::Replay) < 0.05);
+    let under = |reactive_traffic| SimulatorOptions {
+        plant: PlantOptions { reactive_traffic, ..PlantOptions::METADRIVE_0_4_3 },
+        ..SimulatorOptions::SHIPPED
+    };
+    assert!(moved(&under(ReactiveTraffic::Always), &Policy::Replay) < 0.05);
+    assert_eq!(moved(&under(ReactiveTraffic::Off), &Policy::Idm), 1.0);
 }
 
 #[test]

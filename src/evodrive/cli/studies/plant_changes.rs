@@ -3,7 +3,7 @@
 
 use crate::ego::Policy;
 use crate::sim::bicycle::CorneringLoss;
-use crate::sim::{EgoCar, FollowerStart, Obstacle, PlantOptions, TrafficBoxes};
+use crate::sim::{EgoCar, FollowerStart, Obstacle, PlantOptions, ReactiveTraffic, TrafficBoxes};
 
 /// Loss of speed in bends and deceleration by brakes are raised and lowered by this share.
 const SHARE: f64 = 0.25;
@@ -52,8 +52,15 @@ pub fn plant_changes(plant: &PlantOptions) -> Vec<PlantChange> {
             add("followers begin as recorded", &|plant| plant.follower_start = FollowerStart::Recorded);
         }
     }
-    let under_replay = if plant.reactive_under_replay { "no followers under replay" } else { "followers under replay" };
-    add(under_replay, &|plant| plant.reactive_under_replay = !plant.reactive_under_replay);
+    for (name, reactive_traffic) in [
+        ("no followers", ReactiveTraffic::Off),
+        ("followers of who drives", ReactiveTraffic::Driving),
+        ("followers under replay, too", ReactiveTraffic::Always),
+    ] {
+        if plant.reactive_traffic != reactive_traffic {
+            add(name, &|plant| plant.reactive_traffic = reactive_traffic);
+        }
+    }
     if plant.ego_car == EgoCar::Sprung {
         // Its wheels decide the loss of speed in bends and the effect of brakes.
         add("the ego's car without springs", &|plant| plant.ego_car = EgoCar::SingleTrack);

@@ -18,4 +18,4 @@ pub use error::SimError;
 pub use options::{AvoidanceOptions, Forecast, Scripts, SimulatorOptions, SimulatorOptionsError};
 pub use path::{Along, Path};
 pub use plant::Plant;
-pub use plant_options::{EgoBox, EgoCar, FollowerStart, Obstacle, PlantOptions, TrafficBoxes};
+pub use plant_options::{EgoBox, EgoCar, FollowerStart, Obstacle, PlantOptions, ReactiveTraffic, TrafficBoxes};

@@ -24,9 +24,9 @@ pub struct PlantOptions {
     pub cornering_loss: CorneringLoss,
     /// Speed of traffic when it turns reactive.
     pub follower_start: FollowerStart,
-    /// True if traffic turns reactive under an ego that repeats its recording, too, as in MetaDrive. Not written where it does not.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub reactive_under_replay: bool,
+    /// Egos behind which traffic turns reactive. Not written where these are all that drive.
+    #[serde(skip_serializing_if = "ReactiveTraffic::is_behind_drivers")]
+    pub reactive_traffic: ReactiveTraffic,
     /// The rule by which drivers by IDM see an obstacle.
     pub obstacle: Obstacle,
     /// Size of the ego.
@@ -50,6 +50,34 @@ pub enum FollowerStart {
     Recorded,
     /// At standstill, as MetaDrive spawns it.
     Standing,
+}
+
+/// Egos behind which vehicles that appear follow by IDM, in place of their recording.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ReactiveTraffic {
+    /// None: everybody repeats the recording.
+    Off,
+    /// All that drive. Behind one that repeats its recording everybody does so, too.
+    #[default]
+    Driving,
+    /// All, as in MetaDrive.
+    Always,
+}
+
+impl ReactiveTraffic {
+    /// Returns `true` if traffic turns reactive behind an ego that repeats its recording, or behind one that does not.
+    pub(in crate::sim) fn is_on(self, replays: bool) -> bool {
+        match self {
+            ReactiveTraffic::Off => false,
+            ReactiveTraffic::Driving => !replays,
+            ReactiveTraffic::Always => true,
+        }
+    }
+
+    fn is_behind_drivers(&self) -> bool {
+        *self == ReactiveTraffic::Driving
+    }
 }
 
 /// When a driver takes something for an obstacle on its path, which is 2 m wide.
@@ -145,7 +173,7 @@ impl PlantOptions {
         grip_mps2: DEFAULT_LIMITS.grip_mps2,
         cornering_loss: DEFAULT_LIMITS.cornering_loss,
         follower_start: FollowerStart::Recorded,
-        reactive_under_replay: false,
+        reactive_traffic: ReactiveTraffic::Driving,
         obstacle: Obstacle::Reaches,
         ego_box: EgoBox::Recorded,
         traffic_boxes: TrafficBoxes::Recorded,
@@ -161,7 +189,7 @@ impl PlantOptions {
         grip_mps2: DEFAULT_LIMITS.grip_mps2,
         cornering_loss: CorneringLoss::Skid { share: 0.19, skid: 0.53, drive: 0.65, holds_mps2: 6.25 },
         follower_start: FollowerStart::Standing,
-        reactive_under_replay: false,
+        reactive_traffic: ReactiveTraffic::Driving,
         obstacle: Obstacle::Lane,
         ego_box: EgoBox::MetadriveDefault,
         traffic_boxes: TrafficBoxes::Metadrive,
@@ -242,7 +270,7 @@ struct OwnPlant {
     cornering_loss: CorneringLoss,
     follower_start: FollowerStart,
     #[serde(default)]
-    reactive_under_replay: bool,
+    reactive_traffic: ReactiveTraffic,
     obstacle: Obstacle,
     ego_box: EgoBox,
     #[serde(default)]
@@ -265,7 +293,7 @@ impl From<WrittenPlant> for PlantOptions {
                 grip_mps2: own.grip_mps2,
                 cornering_loss: own.cornering_loss,
                 follower_start: own.follower_start,
-                reactive_under_replay: own.reactive_under_replay,
+                reactive_traffic: own.reactive_traffic,
                 obstacle: own.obstacle,
                 ego_box: own.ego_box,
                 traffic_boxes: own.traffic_boxes,

@@ -19,7 +19,7 @@ const SIDE_M: f64 = 15.0;
 
 /// Turns those reactive that appear behind the ego at the k-th step.
 pub(in crate::sim) fn wake(plant: &Plant, world: &mut Others, ego: &EgoState, k: usize, replays: bool) {
-    if replays && !plant.options().plant.reactive_under_replay || k >= plant.steps() {
+    if !plant.options().plant.reactive_traffic.is_on(replays) || k >= plant.steps() {
         return;
     }
     for (index, candidate) in plant.candidates[k].iter().enumerate() {

@@ -340,7 +340,7 @@ impl Plain<'_> {
     }
 
     fn wake<'p>(&'p self, actors: &mut Vec<Body<'p>>, simulated: &mut [bool], ego: &Sample, axis: Vec2, k: usize) {
-        if self.replays && !self.plant.options().plant.reactive_under_replay || k >= self.plant.steps() {
+        if !self.plant.options().plant.reactive_traffic.is_on(self.replays) || k >= self.plant.steps() {
             return;
         }
         for candidate in &self.plant.candidates[k] {

@@ -10,8 +10,8 @@ use crate::kernel::{Formula, Pose, Seed, Stream};
 use crate::scene::{AgentKind, PreparedScene};
 use crate::sim::scenes::{crossing, intercept, sample};
 use crate::sim::{
-    Driver, Law, Observed, Phase, PlantOptions, Script, SimulatorOptions, Speed, Trace, Trigger, Until, View, Way,
-    rollout_traced,
+    Driver, Law, Observed, Phase, PlantOptions, ReactiveTraffic, Script, SimulatorOptions, Speed, Trace, Trigger,
+    Until, View, Way, rollout_traced,
 };
 
 /// Remembers what another driver decides, and holds what it sees against everyone present.
@@ -47,7 +47,12 @@ impl Driver for Remembering {
 fn both(scene: &Scene, act: &Intervention, policy: &Policy, seed: u64) -> (Outcome, Trace, Outcome) {
     // Every third under MetaDrive's law.
     let law = if seed % 3 == 2 { PlantOptions::METADRIVE_0_4_3 } else { PlantOptions::PHYSICAL };
-    let law = PlantOptions { reactive_under_replay: seed % 8 == 4, ..law };
+    let reactive_traffic = match seed % 8 {
+        4 => ReactiveTraffic::Always,
+        5 => ReactiveTraffic::Off,
+        _ => ReactiveTraffic::Driving,
+    };
+    let law = PlantOptions { reactive_traffic, ..law };
     let options = SimulatorOptions { plant: law, ..SimulatorOptions::SHIPPED };
     let plant = Plant::with_options(PreparedScene::new(Arc::new(scene.clone())), &options).unwrap();
     let mut driver = Remembering { inner: policy.driver(), controls: Vec::new() };

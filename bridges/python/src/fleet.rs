@@ -58,6 +58,15 @@ fn autoreset_named(name: &str) -> PyResult<Autoreset> {
     }
 }
 
+/// A reward's rule with its constants, of JSON.
+pub fn reward_of(text: &str) -> PyResult<Reward> {
+    let reward: Reward = serde_json::from_str(text).map_err(|error| refused(format!("reward: {error}")))?;
+    match reward.constants().into_iter().find(|(_, value)| !value.is_finite()) {
+        Some((name, found)) => Err(refused(format!("reward: {name} is {found}; expected a finite number"))),
+        None => Ok(reward),
+    }
+}
+
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -130,13 +139,9 @@ impl Fleet {
         state: Option<&str>,
     ) -> PyResult<Fleet> {
         let autoreset = autoreset_named(autoreset)?;
-        let reward: Reward = serde_json::from_str(reward).map_err(|error| refused(format!("reward: {error}")))?;
-        if let Some((name, found)) = reward.constants().into_iter().find(|(_, value)| !value.is_finite()) {
-            return Err(refused(format!("reward: {name} is {found}; expected a finite number")));
-        }
         let options = FleetOptions {
             seeing: seeing(observation)?,
-            reward,
+            reward: reward_of(reward)?,
             autoreset,
             by_failure,
             assesses: preventable,

@@ -4,6 +4,7 @@
 mod arrays;
 mod evaluation;
 mod fleet;
+mod parallel;
 mod picture;
 mod policy;
 mod scenarios;
@@ -40,6 +41,8 @@ mod _evodrive {
     use crate::evaluation::{evaluate, evaluate_by};
     #[pymodule_export]
     use crate::fleet::Fleet;
+    #[pymodule_export]
+    use crate::parallel::Shared;
     #[pymodule_export]
     use crate::policy::{bounds, layout, step_names, weights, weights_observation};
     #[pymodule_export]

@@ -160,6 +160,9 @@ alone = eg.AdversarialEnv(src, render_mode="rgb_array")
 seen, reward, ended, cut, told = alone.step([0.0, 1.0])
 picture = alone.render()
 training = eg.sb3(env)
+several = eg.parallel_env(src, agents=4, others="idm")
+seen_by, infos = several.reset(seed=1)
+seen_by, worth, ends, cuts, infos = several.step({agent: [0.0, 1.0] for agent in several.agents})
 eg.save_policy({"mu.weight": np.zeros((2, 8))}, "mine.safetensors")
 """
 

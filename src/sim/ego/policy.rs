@@ -102,7 +102,7 @@ impl Policy {
 
     /// Returns a driver, ready for a rollout. IDM stands in for a program of the experimenter's own: searches ask thousands of times
     /// what the ego would do. No label comes from it, because a backend refuses that ego without its program.
-    pub fn driver(&self) -> Box<dyn Driver> {
+    pub fn driver(&self) -> Box<dyn Driver + Send> {
         match self {
             Policy::Idm | Policy::Command(_) => Box::new(IdmDriver::new(false)),
             Policy::IdmMindingLights => Box::new(IdmDriver::new(true)),

@@ -22,7 +22,7 @@ pub use lesson::Lesson;
 pub use memory::{Episode, Memory};
 pub use options::{TrainingOptions, TrainingOptionsError};
 pub use reward::{Reward, Step};
-pub use ride::{Keeps, Ride};
+pub use ride::{Keeps, Ride, step_to};
 pub use sac::{Batch, Losses, Room, Sac, SacOptions, explore};
 pub use training::{Grounds, News, Point, Training, TrainingError};
 pub use trial::{Stopped, Trial, driven, driven_by, figures, trial};

@@ -68,16 +68,21 @@ impl<'a> Ride<'a> {
         let control: Control = self.setting.control(&self.view(), action);
         let end = self.episode.step(control)?;
         let view = self.episode.observe();
-        let (ego, route) = (view.ego(), view.route());
-        let step = Step {
-            progress_m: ego.along.s_m - self.last_s_m,
-            offset_m: ego.along.offset_m,
-            turn_rad: route_turn_rad(&view),
-            speed_mps: ego.speed_mps,
-            along_mps: ego.sample.velocity.dot(route.direction(ego.along.segment)),
-            steering: f64::from(action[0]),
-        };
-        (self.last_s_m, self.last) = (ego.along.s_m, step);
+        let step = step_to(&view, self.last_s_m, action);
+        (self.last_s_m, self.last) = (view.ego().along.s_m, step);
         Ok((reward.of(&step, end), end))
+    }
+}
+
+/// Returns the effects of an action that led to a view from a place along the route, metres.
+pub fn step_to(view: &View<'_>, last_s_m: f64, action: [f32; ACTION]) -> Step {
+    let (ego, route) = (view.ego(), view.route());
+    Step {
+        progress_m: ego.along.s_m - last_s_m,
+        offset_m: ego.along.offset_m,
+        turn_rad: route_turn_rad(view),
+        speed_mps: ego.speed_mps,
+        along_mps: ego.sample.velocity.dot(route.direction(ego.along.segment)),
+        steering: f64::from(action[0]),
     }
 }

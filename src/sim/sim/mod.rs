@@ -25,10 +25,10 @@ pub use road_users::{
     Until, View, Way, bicycle, driver, idm, intervention, law, script, skills,
 };
 pub use rollouts::{
-    ContactBoxes, Episode, Held, Part, Pose, Repeated, ReportedActor, ReportedContact, ReportedError, ReportedRollout,
-    Retraced, RolloutCost, Undriven, adversaries_of, commands, contact_within, ending, fault_of, judge, reported,
-    reported_timeline, retraced, rollout, rollout_assessed, rollout_counted, rollout_explained, rollout_in_parts,
-    rollout_traced, tell,
+    Agent, ContactBoxes, Episode, Held, Part, Pose, Repeated, ReportedActor, ReportedContact, ReportedError,
+    ReportedRollout, Retraced, RolloutCost, SharedScene, Undriven, adversaries_of, commands, contact_within, ending,
+    fault_of, judge, reported, reported_timeline, retraced, rollout, rollout_assessed, rollout_counted,
+    rollout_explained, rollout_in_parts, rollout_traced, tell,
 };
 
 /// Part of every rollout key; rises when any outcome can change.

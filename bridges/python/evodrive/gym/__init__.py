@@ -7,7 +7,7 @@
     obs, rewards, terminated, truncated, info = env.step(env.action_space.sample())
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as _gymnasium
 
@@ -19,6 +19,9 @@ from .rewards import MetaDriveReward, SafeBenchReward
 from .scenarios import CONTACT_CLASSES, ENDS, HeldOut, Scenarios, generate
 from .single import AdversarialEnv
 from .vector import VecEnv
+
+if TYPE_CHECKING:
+    from .parallel import SharedEnv
 
 __all__ = [
     "AdversarialEnv",
@@ -35,6 +38,7 @@ __all__ = [
     "evolve",
     "generate",
     "make",
+    "parallel_env",
     "save_policy",
     "sb3",
 ]
@@ -54,3 +58,24 @@ if ID not in _gymnasium.registry:
 def make(id: str = ID, **options: Any) -> _gymnasium.Env[Any, Any]:
     """`gymnasium.make` of an environment of this package, without the checker of each step."""
     return _gymnasium.make(id, **{"disable_env_checker": True, **options})
+
+
+def parallel_env(
+    scenarios: Scenarios,
+    agents: int = 8,
+    others: str = "recorded",
+    observation: str = "metadrive-1",
+    reward: MetaDriveReward | SafeBenchReward | None = None,
+    seed: int | None = None,
+    out_of_bounds: str = "raise",
+) -> "SharedEnv":
+    """A `pettingzoo.ParallelEnv` of plain scenes in which several drive: `agent_0` is the scene's ego, `agent_1` .. are vehicles that were
+    recorded in it, those nearest to the ego first; a scene with fewer has fewer. `others` says what vehicles do that could be agents and
+    are not: "recorded", or a driver ("idm", "idm-lights", "pdm", "frenet"). All else is as recorded. Other arguments as of `VecEnv`."""
+    try:
+        from .parallel import SharedEnv
+    except ModuleNotFoundError as error:
+        if error.name != "pettingzoo":
+            raise
+        raise ImportError("parallel_env needs PettingZoo: pip install pettingzoo") from error
+    return SharedEnv(scenarios, agents, others, observation, reward, seed, out_of_bounds)

@@ -40,17 +40,10 @@ class Engine:
     """A fleet of the engine. It is pickled as what it was made of and what was done since, which is done again elsewhere."""
 
     def __init__(self, scenarios, places, threads, observation, reward, cost, autoreset, out_of_bounds, by_failure, preventable, keep, motion=False):
-        if isinstance(scenarios, HeldOut):
-            raise TypeError("held-out scenes are not trained in; evodrive.gym.evaluate(policy, scenarios.held_out) drives them")
-        if isinstance(scenarios, Mapping):
-            scenarios = Scenarios(**scenarios)  # of a spec that was JSON
-        if not isinstance(scenarios, Scenarios):
-            raise TypeError(f"scenarios is a {type(scenarios).__name__}; expected evodrive.gym.Scenarios")
-        if out_of_bounds not in ("raise", "clip"):
-            raise ValueError(f"out_of_bounds is {shown(out_of_bounds)}; expected 'raise' or 'clip'")
+        scenarios, self.clips = scenarios_of(scenarios), clips(out_of_bounds)
         if cost is not None and not callable(cost):
             raise TypeError(f"cost is a {type(cost).__name__}; expected a function of a record, or None")
-        self.scenarios, self.observation, self.clips, self.autoreset = scenarios, observation, out_of_bounds == "clip", autoreset
+        self.scenarios, self.observation, self.autoreset = scenarios, observation, autoreset
         self.rule, self.worth = reward_of(reward)
         self.cost, self.spoiled = cost, None
         self.sums = np.zeros(places)
@@ -195,6 +188,24 @@ class Driven:
             # As plain values, so that `spec.to_json()` says everything and `gymnasium.make` of it makes the same.
             spec = dataclasses.replace(spec, kwargs={name: getattr(of, "_plain", lambda of=of: of)() for name, of in spec.kwargs.items()})
         self._spec = spec
+
+
+def scenarios_of(scenarios):
+    """Scenarios to be trained in."""
+    if isinstance(scenarios, HeldOut):
+        raise TypeError("held-out scenes are not trained in; evodrive.gym.evaluate(policy, scenarios.held_out) drives them")
+    if isinstance(scenarios, Mapping):
+        scenarios = Scenarios(**scenarios)  # of a spec that was JSON
+    if not isinstance(scenarios, Scenarios):
+        raise TypeError(f"scenarios is a {type(scenarios).__name__}; expected evodrive.gym.Scenarios")
+    return scenarios
+
+
+def clips(out_of_bounds):
+    """Whether actions out of bounds are clipped."""
+    if out_of_bounds not in ("raise", "clip"):
+        raise ValueError(f"out_of_bounds is {shown(out_of_bounds)}; expected 'raise' or 'clip'")
+    return out_of_bounds == "clip"
 
 
 def named_task(scenarios, options):

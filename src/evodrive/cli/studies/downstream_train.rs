@@ -163,7 +163,7 @@ type Makes = dyn Fn() -> Box<dyn Driver> + Sync;
 /// How egos drive the evaluation sets that nobody trained: IDM, and one that stands.
 pub fn references(sets: &Sets, threads: &Threads) -> Result<Vec<Reference>, Failure> {
     let standing = || -> Box<dyn Driver> { Box::new(Stopped) };
-    let idm = || Policy::Idm.driver();
+    let idm = || -> Box<dyn Driver> { Policy::Idm.driver() };
     let drivers: [(&str, &Makes); 2] = [("IDM", &idm), ("stands still", &standing)];
     let of = |(name, driver): (&str, &Makes)| -> Result<Reference, Failure> {
         let all = sets.fixed.evaluation.iter().zip(&sets.evaluation);

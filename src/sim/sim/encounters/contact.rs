@@ -84,7 +84,7 @@ pub(in crate::sim) fn first_contact(
         });
     });
     for actor in world.actors.iter().filter(|a| a.now.is_some()) {
-        let until = best.map_or(SUBSTEPS, |b| b.substep);
+        let until = best.map_or(actor.until, |b| b.substep.min(actor.until));
         let Some(substep) = touches(ego, &actor.mover(), until) else { continue };
         if let (ActorRef::Track(track), None) = (actor.who, actor.action)
             && spared(&mut ghosts[track], substep, spare_overlaps, || actor.born() == Some(k))

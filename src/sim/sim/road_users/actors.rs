@@ -3,7 +3,7 @@
 use crate::kernel::{Vec2, num};
 use crate::scene::{DT_S, Sample, TrackIx};
 use crate::sim::SimError;
-use crate::sim::encounters::hit::Mover;
+use crate::sim::encounters::hit::{Mover, Swept};
 use crate::sim::prepared::body::{Place, SUBSTEPS, Size, coasting, sample_during};
 use crate::sim::prepared::path::{Along, Path};
 use crate::sim::prepared::plant::{Plant, sample_is_sound, size_is_sound};
@@ -33,6 +33,8 @@ pub(in crate::sim) enum Mind {
     Law(Box<Obedience>),
     /// Keeps its velocity: its own behaviour is not known.
     Coasts,
+    /// Is the ego of another closed loop, with its samples after each physics step of the present step.
+    Driven(Box<[Sample; SUBSTEPS]>),
     /// Follows the path of a candidate (step of appearance, place in its list) by IDM.
     Path { born: usize, index: usize, along: Along, speed_mps: f64, throttle: f64 },
 }
@@ -54,6 +56,8 @@ pub(in crate::sim) struct Actor {
     next_axis: Vec2,
     /// Places at the present step and after each physics step; meaningful while `now` is `Some`.
     pub places: [Place; SUBSTEPS + 1],
+    /// The last physics step of the present step at which it is there.
+    pub until: usize,
     /// Radius of the box plus its way in this step, metres.
     pub reach_m: f64,
     /// Last places, without the present one.
@@ -222,9 +226,17 @@ impl Actor {
             next: None,
             next_axis: axis,
             places,
+            until: SUBSTEPS,
             reach_m: 0.0,
             trail: Trail::default(),
         }
+    }
+
+    /// Makes the ego of another closed loop, there from the first simulated step on.
+    pub fn driven(who: ActorRef, size: Size, now: Sample, axis: Vec2) -> Actor {
+        let mut actor = Actor::new(who, size, None, Mind::Driven(Box::default()));
+        (actor.now, actor.axis) = (Some(now), axis);
+        actor
     }
 
     /// Makes traffic that turns reactive: a candidate at its first row.
@@ -263,7 +275,7 @@ impl Actor {
             self.mind = Mind::Skills { car, skill: Skill::Hold, done: SKILL_STEPS };
         }
         match &mut self.mind {
-            Mind::Script => {
+            Mind::Script | Mind::Driven(_) => {
                 self.next = action.and_then(|a| scripted(plant, a, k + 1));
                 self.interpolate();
             }
@@ -340,6 +352,16 @@ impl Actor {
         self.reach_m = self.size.radius_m + way.sqrt();
     }
 
+    /// Takes the motion of the ego of another closed loop through the present step: its places, its samples after each physics step, and
+    /// how everybody sees it at the end.
+    pub fn plan_as_driven(&mut self, places: &Swept, samples: &[Sample; SUBSTEPS], shown: Sample, axis: Vec2) {
+        if let Mind::Driven(during) = &mut self.mind {
+            **during = *samples;
+        }
+        (self.places, self.until, self.next, self.next_axis) = (*places, SUBSTEPS, Some(shown), axis);
+        self.measure_reach();
+    }
+
     /// Takes the pose after `substeps` physics steps from a report; coasts where the report has none.
     pub fn plan_as_reported(&mut self, next: Option<(Sample, Vec2)>, substeps: usize) {
         self.next = next.map(|(sample, _)| sample);
@@ -388,13 +410,17 @@ impl Actor {
 
     /// Returns the sample after a physics step of the present step.
     pub fn during(&self, substep: usize) -> Option<Sample> {
-        self.now.as_ref().map(|now| sample_during(now, self.next.as_ref(), &self.places[substep], substep))
+        self.now.as_ref().map(|now| match &self.mind {
+            Mind::Driven(samples) if substep > 0 && self.next.is_some() => samples[substep - 1],
+            _ => sample_during(now, self.next.as_ref(), &self.places[substep], substep),
+        })
     }
 
-    /// Returns the step at which reactive traffic appeared.
+    /// Returns the step at which reactive traffic, or the ego of another closed loop, appeared.
     pub fn born(&self) -> Option<usize> {
         match self.mind {
             Mind::Path { born, .. } => Some(born),
+            Mind::Driven(_) => Some(0),
             _ => None,
         }
     }

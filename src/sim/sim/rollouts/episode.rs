@@ -44,6 +44,8 @@ pub struct Episode<'a> {
     cost: RolloutCost,
     /// True if the outcome's sums are wanted.
     keeps_account: bool,
+    /// True if traffic may turn reactive.
+    reacts: bool,
     /// Decision steps so far.
     steps: usize,
     end: Option<End>,
@@ -61,6 +63,8 @@ pub(super) struct Form {
     pub follows_log: bool,
     /// True if the outcome's sums are wanted. Without them a step costs less.
     pub keeps_account: bool,
+    /// True if traffic that appears behind the ego turns reactive.
+    pub reacts: bool,
 }
 
 impl<'a> Episode<'a> {
@@ -71,7 +75,7 @@ impl<'a> Episode<'a> {
         plant: impl Into<Held<'a, Plant>>,
         intervention: impl Into<Held<'a, Intervention>>,
     ) -> Result<Episode<'a>, SimError> {
-        let form = Form { follows_log: false, keeps_account: true };
+        let form = Form { follows_log: false, keeps_account: true, reacts: true };
         Episode::of(plant.into(), intervention.into(), form, &mut |_| ())
     }
 
@@ -81,7 +85,7 @@ impl<'a> Episode<'a> {
         plant: impl Into<Held<'a, Plant>>,
         intervention: impl Into<Held<'a, Intervention>>,
     ) -> Result<Episode<'a>, SimError> {
-        let form = Form { follows_log: false, keeps_account: false };
+        let form = Form { follows_log: false, keeps_account: false, reacts: true };
         Episode::of(plant.into(), intervention.into(), form, &mut |_| ())
     }
 
@@ -101,6 +105,7 @@ impl<'a> Episode<'a> {
             account,
             cost,
             keeps_account,
+            reacts: form.reacts,
             steps: 0,
             end: None,
             contact: None,
@@ -148,32 +153,55 @@ impl<'a> Episode<'a> {
         begins: &mut impl FnMut(Part),
         recorder: Option<&mut dyn Records>,
     ) -> Result<Option<End>, SimError> {
+        let Some(ego_step) = self.ego_step(control)? else { return Ok(self.end) };
+        self.move_others(begins);
+        begins(Part::Contact);
+        let hit = self.sweep(&ego_step);
+        Ok(self.conclude(&ego_step, hit, begins, recorder))
+    }
+
+    /// Returns the ego's motion through the next step by a decision, and moves nobody; `None` if the episode is over, or ends because a
+    /// replayed recording has.
+    pub(super) fn ego_step(&mut self, control: Control) -> Result<Option<EgoStep>, SimError> {
         if self.end.is_some() {
-            return Ok(self.end);
+            return Ok(None);
         }
-        let k = self.steps;
-        let ego_step = self.state.carry_out(control, k)?;
+        let ego_step = self.state.carry_out(control, self.steps)?;
         if let Some(controls) = &mut self.controls {
             controls.push(control);
         }
-        let Some(ego_step) = ego_step else {
+        if ego_step.is_none() {
             self.end = Some(End::Horizon);
-            return Ok(self.end);
-        };
+        }
+        Ok(ego_step)
+    }
+
+    /// Computes the motion of everyone else through the next step.
+    pub(super) fn move_others(&mut self, begins: &mut impl FnMut(Part)) {
         begins(Part::Traffic);
-        self.state.decide_traffic(k);
+        self.state.decide_traffic(self.steps);
         begins(Part::Motion);
-        self.state.plan_others(k);
-        self.count_step(k);
-        begins(Part::Contact);
-        if let Some(hit) = self.sweep(k, &ego_step) {
+        self.state.plan_others(self.steps);
+        self.count_step(self.steps);
+    }
+
+    /// Ends the step with the ego's first contact in it, or moves everyone to its end.
+    pub(super) fn conclude(
+        &mut self,
+        ego_step: &EgoStep,
+        hit: Option<Hit>,
+        begins: &mut impl FnMut(Part),
+        recorder: Option<&mut dyn Records>,
+    ) -> Option<End> {
+        if let Some(hit) = hit {
+            let k = self.steps;
             self.steps += usize::from(hit.substep > 0);
-            self.contact = Some(self.stop_at(k, &hit, &ego_step, recorder));
+            self.contact = Some(self.stop_at(k, &hit, ego_step, recorder));
             self.end = Some(End::Contact);
-            return Ok(self.end);
+            return self.end;
         }
         begins(Part::Statistics);
-        self.state.commit(&ego_step);
+        self.state.commit(ego_step);
         self.account.advance_on_route(&self.state);
         self.steps += 1;
         self.account_for(self.steps, DT_S);
@@ -183,13 +211,15 @@ impl<'a> Episode<'a> {
             (Some(_), Some(recorder)) => recorder.push(&self.state, self.steps),
             (Some(_), None) => {}
         }
-        Ok(self.end)
+        self.end
     }
 
     /// Turns traffic reactive at this step; at the last step the episode is over.
     fn begin_step(&mut self, begins: &mut impl FnMut(Part), recorder: Option<&mut dyn Records>) {
         begins(Part::Traffic);
-        self.state.wake(self.steps);
+        if self.reacts {
+            self.state.wake(self.steps);
+        }
         if let Some(recorder) = recorder {
             recorder.push(&self.state, self.steps);
         }
@@ -297,10 +327,10 @@ impl<'a> Episode<'a> {
     }
 
     /// Returns the ego's first contact in the step, and records the adversaries' contacts with others up to it.
-    fn sweep(&mut self, k: usize, ego_step: &EgoStep) -> Option<Hit> {
-        let hit = self.state.first_contact(k, ego_step);
+    pub(super) fn sweep(&mut self, ego_step: &EgoStep) -> Option<Hit> {
+        let hit = self.state.first_contact(self.steps, ego_step);
         if self.keeps_account {
-            self.account.sweep(&self.state, k, ego_step, hit.map_or(SUBSTEPS, |h| h.substep));
+            self.account.sweep(&self.state, self.steps, ego_step, hit.map_or(SUBSTEPS, |h| h.substep));
         }
         hit
     }

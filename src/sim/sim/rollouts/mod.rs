@@ -17,6 +17,7 @@ mod reported_tests;
 mod retraced;
 pub mod rollout;
 pub(super) mod rules;
+mod shared;
 mod undriven;
 
 pub use episode::Episode;
@@ -33,4 +34,5 @@ pub use rollout::{
     contact_within, ending, rollout, rollout_assessed, rollout_counted, rollout_explained, rollout_in_parts,
     rollout_traced,
 };
+pub use shared::{Agent, SharedScene};
 pub use undriven::Undriven;

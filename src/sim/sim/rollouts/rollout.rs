@@ -125,7 +125,7 @@ fn begun<'a>(
     begins: &mut impl FnMut(Part),
 ) -> Result<Episode<'a>, SimError> {
     driver.begin(plant);
-    let form = Form { follows_log: driver.follows_log(), keeps_account };
+    let form = Form { follows_log: driver.follows_log(), keeps_account, reacts: true };
     Episode::of(plant.into(), intervention.into(), form, begins)
 }
 

@@ -140,12 +140,13 @@ fn a_step_of_an_episode_driven_from_outside_allocates_nothing_with_everything_ke
     let plant = sim::Plant::new(&scene).unwrap();
     let mut episode = sim::Episode::new(&plant, &act).unwrap().keeping_controls().keeping_motion();
     let settings = ego::Setting::ALL.map(|setting| (setting, vec![0.0; setting.length()]));
-    let (mut settings, mut arrays) = (settings, vec![0.0; ego::arrays::LENGTH]);
+    let goal = ego::Arrays { goal: true, ..ego::Arrays::default() };
+    let (mut settings, mut arrays) = (settings, vec![0.0; goal.length()]);
     let before = COUNT.with(Cell::get);
     while episode.end().is_none() {
         let view = episode.observe();
         settings.iter_mut().for_each(|(setting, values)| setting.observe(&view, values));
-        ego::arrays::observe(&view, &mut arrays);
+        goal.observe(&view, &mut arrays);
         episode.step(sim::Control::Drive { acceleration_mps2: 0.0, steering_rad: 0.0 }).unwrap();
     }
     assert!(episode.steps() > 20, "{}", episode.steps());

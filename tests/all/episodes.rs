@@ -2,10 +2,10 @@
 //! protocols, every kind of driver, borrowed and shared, with everything kept and with nothing.
 
 use evodrive::compiler::{Prepared, Situation};
-use evodrive::ego::{Policy, Setting};
+use evodrive::ego::{Arrays, Policy, Setting};
 use evodrive::families::sources;
 use evodrive::kernel::{Digest, Seed, Threads};
-use evodrive::learn::fleet::{Autoreset, Fleet, FleetOptions, Seeing, Task, TaskSet, Tasks};
+use evodrive::learn::fleet::{Autoreset, Fleet, FleetOptions, Kind, Seeing, Task, TaskSet, Tasks};
 use evodrive::learn::{Keeps, Lesson, Reward, Ride};
 use evodrive::objects::FamilyName;
 use evodrive::scene::safebench::TrafficFamily;
@@ -109,8 +109,8 @@ fn an_episode_that_is_over_stays_as_it_is_and_a_control_that_is_no_number_moves_
 
 const REWARD: Reward = Reward::metadrive(10.0);
 
-fn options(autoreset: Autoreset, seeing: Seeing) -> FleetOptions {
-    let (assesses, keeps) = (true, true);
+fn options(autoreset: Autoreset, seeing: impl Into<Seeing>) -> FleetOptions {
+    let (assesses, keeps, seeing) = (true, true, seeing.into());
     FleetOptions { seeing, reward: REWARD, autoreset, by_failure: 1.0, assesses, keeps, keeps_motion: false }
 }
 
@@ -167,7 +167,8 @@ fn digest(tasks: &Arc<Tasks>, options: FleetOptions, threads: usize, steps: usiz
 #[test]
 fn a_fleet_drives_the_same_by_any_number_of_threads_in_every_mode() {
     let tasks = tasks();
-    for seeing in [Seeing::Setting(Setting::Metadrive1), Seeing::Setting(Setting::Safebench2), Seeing::Arrays] {
+    let arrays = Seeing { kind: Kind::Arrays(Arrays { goal: true, ..Arrays::default() }), stack: 3 };
+    for seeing in [Setting::Metadrive1.into(), Setting::Safebench2.into(), arrays] {
         let mut seen = BTreeSet::new();
         for mode in [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled] {
             let (one, ended) = digest(&tasks, options(mode, seeing), 1, 150);
@@ -185,8 +186,7 @@ fn a_fleet_drives_the_same_by_any_number_of_threads_in_every_mode() {
 fn what_a_fleet_says_of_an_episode_is_what_a_rollout_of_its_decisions_comes_to() {
     let tasks = tasks();
     let threads = Threads::none();
-    let mut fleet =
-        Fleet::new(tasks.clone(), 16, options(Autoreset::SameStep, Seeing::Setting(Setting::Metadrive1))).unwrap();
+    let mut fleet = Fleet::new(tasks.clone(), 16, options(Autoreset::SameStep, Setting::Metadrive1)).unwrap();
     fleet.reset(&|_| true, None, &threads).unwrap();
     let (mut looked, mut preventable) = (0, BTreeSet::new());
     for t in 0..200 {
@@ -220,7 +220,7 @@ fn what_a_fleet_says_of_an_episode_is_what_a_rollout_of_its_decisions_comes_to()
 fn a_fleet_refuses_what_cannot_be_driven() {
     let tasks = tasks();
     let threads = Threads::none();
-    let one = |mode| Fleet::new(tasks.clone(), 3, options(mode, Seeing::Setting(Setting::Safebench1))).unwrap();
+    let one = |mode| Fleet::new(tasks.clone(), 3, options(mode, Setting::Safebench1)).unwrap();
     let mut fleet = one(Autoreset::Disabled);
     assert!(fleet.step(&threads).unwrap_err().to_string().contains("before the first reset"));
     fleet.reset(&|_| true, None, &threads).unwrap();
@@ -235,7 +235,7 @@ fn a_fleet_refuses_what_cannot_be_driven() {
     let over = (0..2000).find_map(|_| fleet.step(&threads).err()).unwrap().to_string();
     assert!(over.contains("its episode is over"), "{over}");
     assert!(fleet.reset(&|_| true, Some((7, 0)), &threads).unwrap_err().to_string().contains("program 7"));
-    assert!(Fleet::new(tasks.clone(), 0, options(Autoreset::SameStep, Seeing::Arrays)).is_err());
+    assert!(Fleet::new(tasks.clone(), 0, options(Autoreset::SameStep, Setting::Safebench1)).is_err());
     let shares = |shares: &[f64]| {
         let set = |share: &f64| TaskSet { share: *share, tasks: vec![] };
         Tasks::new(shares.iter().map(set).collect()).unwrap_err().to_string()

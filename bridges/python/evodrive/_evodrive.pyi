@@ -1,12 +1,14 @@
 """The compiled part of the package: `evodrive.gym` and `evodrive.runs` are its interface."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import Any
 
 __version__: str
 
 _Around = tuple[str | None, bytes | None]
+# Of an environment of several agents: seed, episodes, and the scene's number with the actions of each step.
+_Past = tuple[int, int, tuple[int, list[list[list[float]]]] | None]
 
 def main(words: Sequence[str]) -> int:
     """Runs the program `evodrive` with these words (its own name first) and gives its exit code."""
@@ -14,11 +16,9 @@ def main(words: Sequence[str]) -> int:
 def digest(bytes: bytes) -> str:
     """BLAKE3 of bytes: 64 hex digits."""
 
-def bounds(observation: str) -> tuple[list[float], list[float]]:
-    """Lowest and highest value of each number of an observation."""
-
-def layout() -> list[tuple[str, int, int]]:
-    """How "arrays-1" is cut: name, rows (0: a single one), numbers a row."""
+def observed(observation: Mapping[str, Any]) -> tuple[bool, list[float], list[float], list[tuple[str, int, int]]]:
+    """Whether an observation is the standard one of its name; lowest and highest value of each number of one moment; and how one of
+    "arrays-1" is cut: name, rows (0: a single one), numbers a row."""
 
 def weights(
     observation: str, layers: Sequence[tuple[Sequence[Sequence[float]], Sequence[float]]], activation: str, squash: str
@@ -32,7 +32,7 @@ def evaluate(scenarios: Scenarios, name: str | None = None, weights: bytes | Non
     """How a driver fares, by program, as JSON."""
 
 def evaluate_by(
-    scenarios: Scenarios, ask: Callable[[bytes, int], bytes], observation: str, held_out: bool, threads: int
+    scenarios: Scenarios, ask: Callable[[bytes, int], bytes], observation: Mapping[str, Any], held_out: bool, threads: int
 ) -> str:
     """The same of a policy within Python, which is asked for the actions of all scenes at once."""
 
@@ -66,9 +66,20 @@ class Scenarios:
     def coverage(self, name: str | None, weights: bytes | None, threads: int) -> list[tuple[int, int, list[str]]]: ...
 
 class Shared:
-    def __init__(self, scenarios: Scenarios, agents: int, others: str, observation: str, reward: str) -> None: ...
+    def __init__(
+        self,
+        scenarios: Scenarios,
+        agents: int,
+        others: str,
+        observation: Mapping[str, Any],
+        reward: str,
+        motion: bool,
+        state: _Past | None = None,
+    ) -> None: ...
+    def state(self) -> _Past: ...
     def reset(self, seed: int | None = None, scene: int | None = None) -> tuple[int, list[str], bytes]: ...
-    def step(self, actions: Sequence[Sequence[float]]) -> tuple[bytes, list[tuple[float, int, int, float, int | None]]]: ...
+    def step(self, actions: Sequence[Sequence[float]]) -> tuple[bytes, list[tuple[float, int, int, float, int | None, list[float]]]]: ...
+    def picture(self, agent: int, width: float, title: str) -> tuple[int, int, bytes]: ...
 
 class Fleet:
     def __init__(
@@ -76,7 +87,7 @@ class Fleet:
         scenarios: Scenarios,
         places: int,
         threads: int,
-        observation: str,
+        observation: Mapping[str, Any],
         reward: str,
         autoreset: str,
         by_failure: float,

@@ -12,13 +12,13 @@ use evodrive::ego::Policy;
 use evodrive::epoch::{Applied, SceneEntry};
 use evodrive::experiment::ProgramFile;
 use evodrive::kernel::{Digest, Seed, Threads};
-use evodrive::learn::fleet::Seeing;
+use evodrive::learn::fleet::{Frames, Seeing};
 use evodrive::learn::{Keeps, Reward, Ride, Stopped, figures};
 use evodrive::objects::Counsel;
 use evodrive::sim::{Control, Driver, Intervention, Outcome, Plant, Repeated, ReportedRollout, rollout, tell};
 
 use crate::fleet::numbers;
-use crate::policy::{driver, seeing};
+use crate::policy::{Observed, driver, seeing};
 use crate::scenarios::{Named, Planned, Scenarios, Source, Stage};
 use crate::{broken, refused};
 
@@ -67,11 +67,11 @@ pub fn evaluate_by(
     py: Python<'_>,
     scenarios: &Scenarios,
     ask: &Bound<'_, PyAny>,
-    observation: &str,
+    observation: Observed,
     held_out: bool,
     threads: usize,
 ) -> PyResult<String> {
-    let (source, seeing) = (&scenarios.source, seeing(observation)?);
+    let (source, seeing) = (&scenarios.source, seeing(&observation)?);
     let stage = asked(source, held_out)?;
     let threads = Threads::new(threads).map_err(refused)?;
     let policy = Policy::Command(Digest::of_bytes(b"a policy within Python"));
@@ -89,7 +89,7 @@ pub fn evaluate_by(
     };
     let options = options.backend(&source.simulator).map_err(broken)?;
     let plain: Planned = vec![Ok(Arc::default()); stage.entries.len()];
-    let drives = drive(py, stage, &plain, seeing, ask, &threads)?;
+    let drives = drive(py, stage, &plain, &seeing, ask, &threads)?;
     let mut known = Drives::default();
     known.add(stage, &plain, &drives);
     let is_staged = stage.entries.iter().any(|entry| entry.scene().staging.is_some());
@@ -110,7 +110,7 @@ pub fn evaluate_by(
         };
         let drives = match &named.file {
             None => drives.clone(),
-            Some(_) => drive(py, stage, &planned, seeing, ask, &threads)?,
+            Some(_) => drive(py, stage, &planned, &seeing, ask, &threads)?,
         };
         known.add(stage, &planned, &drives);
         let of: PyResult<Value> = py.detach(|| {
@@ -168,30 +168,32 @@ fn drive(
     py: Python<'_>,
     stage: &Stage,
     planned: &Planned,
-    seeing: Seeing,
+    seeing: &Seeing,
     ask: &Bound<'_, PyAny>,
     threads: &Threads,
 ) -> PyResult<Vec<Vec<Control>>> {
     let keeps = Keeps { controls: true, motion: false };
     let begin = |(plant, act): (&Arc<Plant>, &Result<Arc<Intervention>, String>)| -> PyResult<_> {
         let ride = act.as_ref().ok().map(|act| Ride::new(Arc::clone(plant), act.clone(), seeing.setting(), keeps));
-        Ok(Mutex::new(ride.transpose().map_err(broken)?))
+        Ok(Mutex::new((ride.transpose().map_err(broken)?, Frames::default())))
     };
-    let rides = stage.plants.iter().zip(planned).map(begin).collect::<PyResult<Vec<Mutex<Option<Ride<'static>>>>>>()?;
+    let rides = stage
+        .plants
+        .iter()
+        .zip(planned)
+        .map(begin)
+        .collect::<PyResult<Vec<Mutex<(Option<Ride<'static>>, Frames)>>>>()?;
     let of = |place: usize| rides[place].lock().unwrap_or_else(PoisonError::into_inner);
     let reward = Reward::metadrive(1.0);
-    loop {
-        let goes_on = |place: &usize| of(*place).as_ref().is_some_and(|ride| ride.episode().end().is_none());
+    for decisions in 0.. {
+        let goes_on = |place: &usize| of(*place).0.as_ref().is_some_and(|ride| ride.episode().end().is_none());
         let on: Vec<usize> = (0..rides.len()).filter(goes_on).collect();
         if on.is_empty() {
             break;
         }
         let see = |_, place: &usize| {
-            let mut seen = Vec::new();
-            if let Some(ride) = &*of(*place) {
-                seeing.observe(&ride.view(), &mut seen);
-            }
-            seen
+            let (ride, frames) = &mut *of(*place);
+            ride.as_ref().map_or(Vec::new(), |ride| frames.seen(seeing, &ride.view(), decisions).to_vec())
         };
         let seen: Vec<Vec<f32>> = py.detach(|| threads.map(&on, see));
         let bytes: Vec<u8> = seen.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
@@ -206,13 +208,13 @@ fn drive(
                 on.len()
             )));
         }
-        let step = |at: usize, place: &usize| match &mut *of(*place) {
+        let step = |at: usize, place: &usize| match &mut of(*place).0 {
             Some(ride) => ride.step(actions[at], &reward).map(|_| ()),
             None => Ok(()),
         };
         py.detach(|| threads.map(&on, step)).into_iter().collect::<Result<(), _>>().map_err(broken)?;
     }
-    let controls = |place: usize| of(place).as_ref().map_or(Vec::new(), |ride| ride.episode().controls().to_vec());
+    let controls = |place: usize| of(place).0.as_ref().map_or(Vec::new(), |ride| ride.episode().controls().to_vec());
     Ok((0..rides.len()).map(controls).collect())
 }
 

@@ -2,7 +2,6 @@
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
 use serde_json::json;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -14,8 +13,8 @@ use evodrive::learn::{self, Reward, Step};
 use evodrive::sim::{Control, Repeated, rollout_assessed};
 
 use crate::arrays::Sheet;
-use crate::picture::picture;
-use crate::policy::{driver, seeing};
+use crate::picture::{Picture, picture};
+use crate::policy::{Observed, driver, seeing};
 use crate::scenarios::{Scenarios, Source};
 use crate::{broken, refused};
 
@@ -24,7 +23,7 @@ type Around = (Option<String>, Option<Vec<u8>>);
 /// Tasks that are being planned.
 type Pending = (Around, JoinHandle<Result<Arc<Tasks>, String>>);
 
-/// Environments side by side. `observation` is metadrive-1, safebench-1, safebench-2 or arrays-1; `reward` a rule with its constants as JSON;
+/// Environments side by side. `reward` is a rule with its constants as JSON;
 /// `autoreset` next_step, same_step or disabled.
 #[pyclass(frozen)]
 pub struct Fleet {
@@ -127,7 +126,7 @@ impl Fleet {
         scenarios: &Scenarios,
         places: usize,
         threads: usize,
-        observation: &str,
+        observation: Observed,
         reward: &str,
         autoreset: &str,
         by_failure: f64,
@@ -140,7 +139,7 @@ impl Fleet {
     ) -> PyResult<Fleet> {
         let autoreset = autoreset_named(autoreset)?;
         let options = FleetOptions {
-            seeing: seeing(observation)?,
+            seeing: seeing(&observation)?,
             reward: reward_of(reward)?,
             autoreset,
             by_failure,
@@ -329,21 +328,11 @@ impl Fleet {
     }
 
     /// The episode at a place as a picture: height, width, and rows of red, green and blue.
-    fn picture<'py>(
-        &self,
-        py: Python<'py>,
-        place: usize,
-        width: f64,
-        title: &str,
-    ) -> PyResult<(usize, usize, Bound<'py, PyBytes>)> {
+    fn picture<'py>(&self, py: Python<'py>, place: usize, width: f64, title: &str) -> PyResult<Picture<'py>> {
         self.open()?;
         let fleet = locked(&self.fleet);
         let episode = fleet.episode(place).ok_or_else(|| refused("nothing to draw before the first reset"))?;
-        let motion =
-            episode.motion().ok_or_else(|| refused("motion is not kept; make it with render_mode=\"rgb_array\""))?;
-        let film = picture(episode, motion, width, title).map_err(refused)?;
-        let rgb = film.pictures.first().ok_or_else(|| refused("the painter made no picture"))?;
-        Ok((film.height, film.width, PyBytes::new(py, rgb)))
+        picture(py, episode, &[], width, title)
     }
 
     /// For tests: a fault within the engine, so that what becomes of one can be seen.

@@ -44,7 +44,7 @@ mod _evodrive {
     #[pymodule_export]
     use crate::parallel::Shared;
     #[pymodule_export]
-    use crate::policy::{bounds, layout, step_names, weights, weights_observation};
+    use crate::policy::{observed, step_names, weights, weights_observation};
     #[pymodule_export]
     use crate::scenarios::Scenarios;
 

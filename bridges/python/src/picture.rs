@@ -1,15 +1,43 @@
 //! An episode as a picture, by the painter of films.
 
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
 use evodrive::draw::{Actor, Drawing, Film, FilmOptions, Frame, Role, Theme, film, role_of};
 use evodrive::kernel::Threads;
-use evodrive::scene::Sample;
+use evodrive::scene::{Sample, TrackIx};
 use evodrive::sim::{ActorRef, ActorTrace, Episode, Trace};
+
+use crate::refused;
 
 /// From the ego to the sides of the picture, metres.
 const HALF_M: f64 = 45.0;
 
-/// The present moment, the ego in the middle.
-pub fn picture(episode: &Episode<'_>, motion: &Trace, width_px: f64, title: &str) -> Result<Film, String> {
+/// A picture's height and width, and rows of red, green and blue.
+pub type Picture<'py> = (usize, usize, Bound<'py, PyBytes>);
+
+/// The present moment, the ego in the middle; these tracks are drawn as if the data set had marked them.
+pub fn picture<'py>(
+    py: Python<'py>,
+    episode: &Episode<'_>,
+    marked: &[TrackIx],
+    width_px: f64,
+    title: &str,
+) -> PyResult<Picture<'py>> {
+    let motion =
+        episode.motion().ok_or_else(|| refused("motion is not kept; make it with render_mode=\"rgb_array\""))?;
+    let film = painted(episode, motion, marked, width_px, title).map_err(refused)?;
+    let rgb = film.pictures.first().ok_or_else(|| refused("the painter made no picture"))?;
+    Ok((film.height, film.width, PyBytes::new(py, rgb)))
+}
+
+fn painted(
+    episode: &Episode<'_>,
+    motion: &Trace,
+    marked: &[TrackIx],
+    width_px: f64,
+    title: &str,
+) -> Result<Film, String> {
     let view = episode.observe();
     let scene = view.plant().scene();
     let mut drawing = Drawing::of_scene(scene);
@@ -22,7 +50,7 @@ pub fn picture(episode: &Episode<'_>, motion: &Trace, width_px: f64, title: &str
         let (label, role) = match (actor.actor, actor.adversary) {
             (ActorRef::Track(track), true) => (scene.tracks[track].id.clone(), Role::Adversary),
             (ActorRef::Track(track), false) => {
-                let marked = scene.objects_of_interest.contains(&track);
+                let marked = scene.objects_of_interest.contains(&track) || marked.contains(&track);
                 (scene.tracks[track].id.clone(), role_of(&scene.tracks[track], marked))
             }
             (ActorRef::Inserted(_), _) => ("inserted".to_string(), Role::Adversary),

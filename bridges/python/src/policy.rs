@@ -4,23 +4,82 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use evodrive::ego::network::{Dense, Mlp};
-use evodrive::ego::{Policy, Setting, Weights, arrays};
+use evodrive::ego::{Arrays, Policy, Setting, Weights, arrays, observation};
 use evodrive::learn::Step;
-use evodrive::learn::fleet::Seeing;
+use evodrive::learn::fleet::{Kind, Seeing};
 
 use crate::refused;
 
-/// An observation by its name.
-pub fn seeing(name: &str) -> PyResult<Seeing> {
+/// An observation as Python says it: what is None is as in the standard one of this name.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Observed {
+    name: String,
+    neighbours: Option<f64>,
+    range_m: Option<f64>,
+    lanes: Option<f64>,
+    lanes_range_m: Option<f64>,
+    goal: bool,
+    stack: f64,
+}
+
+/// Most moments of a stack.
+const STACK_MAX: usize = 64;
+/// Farthest that anything is seen, metres.
+const RANGE_MAX_M: f64 = 500.0;
+
+fn kind(name: &str) -> PyResult<Kind> {
     if name == "arrays-1" {
-        return Ok(Seeing::Arrays);
+        return Ok(Kind::Arrays(Arrays::default()));
     }
-    let setting = Setting::ALL.into_iter().find(|setting| setting.name() == name).map(Seeing::Setting);
+    let setting = Setting::ALL.into_iter().find(|setting| setting.name() == name).map(Kind::Setting);
     setting.ok_or_else(|| {
         refused(format!(
             "no observation is called {name:?}; there are metadrive-1, safebench-1, safebench-2 and arrays-1"
         ))
     })
+}
+
+/// What is shown.
+pub fn seeing(of: &Observed) -> PyResult<Seeing> {
+    let whole = |name: &str, given: f64, most: usize| {
+        let fits = given.fract() == 0.0 && (1.0..=most as f64).contains(&given);
+        let expected = format!("expected a whole number from 1 to {most}");
+        if fits { Ok(given as usize) } else { Err(refused(format!("observation: {name} is {given}; {expected}"))) }
+    };
+    let metres = |name: &str, given: f64| match given {
+        0.0..=RANGE_MAX_M => Ok(given),
+        _ => Err(refused(format!("observation: {name} is {given}; expected metres from 0 to {RANGE_MAX_M}"))),
+    };
+    let ranges = [("range_m", of.range_m), ("lanes", of.lanes), ("lanes_range_m", of.lanes_range_m)];
+    let of_arrays = ranges.into_iter().chain([("goal", of.goal.then_some(1.0))]).find(|(_, given)| given.is_some());
+    let kind = match (kind(&of.name)?, of_arrays, of.neighbours) {
+        (Kind::Arrays(standard), _, neighbours) => Kind::Arrays(Arrays {
+            neighbours: neighbours
+                .map_or(Ok(standard.neighbours), |n| whole("neighbours", n, arrays::NEIGHBOURS_MAX))?,
+            range_m: of.range_m.map_or(Ok(standard.range_m), |m| metres("range_m", m))?,
+            lanes: of.lanes.map_or(Ok(standard.lanes), |n| whole("lanes", n, arrays::LANES_MAX))?,
+            lanes_range_m: of.lanes_range_m.map_or(Ok(standard.lanes_range_m), |m| metres("lanes_range_m", m))?,
+            goal: of.goal,
+        }),
+        (_, Some((odd, _)), _) => {
+            return Err(refused(format!("observation: {odd} goes with arrays-1; {} has none", of.name)));
+        }
+        (Kind::Setting(Setting::Metadrive1), None, Some(neighbours)) => {
+            match whole("neighbours", neighbours, observation::NEIGHBOURS_MAX)? {
+                observation::NEIGHBOURS => Kind::Setting(Setting::Metadrive1),
+                other => Kind::Neighbours(other),
+            }
+        }
+        (_, None, Some(_)) => {
+            return Err(refused(format!(
+                "observation: neighbours goes with metadrive-1 and arrays-1; {} has none",
+                of.name
+            )));
+        }
+        (kind, None, None) => kind,
+    };
+    Ok(Seeing { kind, stack: whole("stack", of.stack, STACK_MAX)? })
 }
 
 /// A driver by its name, or by the bytes of its weights.
@@ -32,27 +91,17 @@ pub fn driver(name: Option<&str>, weights: Option<&[u8]>) -> PyResult<Policy> {
     }
 }
 
-/// Lowest and highest value of each number of an observation, as two lists of float.
-#[pyfunction]
-pub fn bounds(observation: &str) -> PyResult<(Vec<f32>, Vec<f32>)> {
-    Ok(match seeing(observation)? {
-        Seeing::Setting(setting) => setting.bounds(),
-        Seeing::Arrays => arrays::bounds(),
-    }
-    .into_iter()
-    .unzip())
-}
+/// Name, rows (0: a single one) and numbers a row.
+type Part = (&'static str, usize, usize);
 
-/// How an observation `arrays-1` is cut: name, rows, numbers a row (rows 0: a single row).
+/// What an observation is: whether it is the standard one of its name; lowest and highest value of each number of one moment; and how
+/// one of `arrays-1` is cut.
 #[pyfunction]
-pub fn layout() -> Vec<(&'static str, usize, usize)> {
-    let (route, near, lanes) = (arrays::ROUTE, arrays::NEIGHBOURS, arrays::LANES);
-    vec![
-        ("ego", 0, arrays::EGO),
-        ("route", route.0, route.1),
-        ("neighbours", near.0, near.1),
-        ("lanes", lanes.0, lanes.1),
-    ]
+pub fn observed(observation: Observed) -> PyResult<(bool, Vec<f32>, Vec<f32>, Vec<Part>)> {
+    let seeing = seeing(&observation)?;
+    let (low, high) = seeing.bounds().into_iter().unzip();
+    let parts = if let Kind::Arrays(arrays) = seeing.kind { arrays.parts() } else { Vec::new() };
+    Ok((seeing == Seeing { kind: kind(&observation.name)?, stack: 1 }, low, high, parts))
 }
 
 /// What the numbers of the array `step` are called.
@@ -74,7 +123,7 @@ pub fn weights<'py>(
     activation: &str,
     squash: &str,
 ) -> PyResult<Bound<'py, PyBytes>> {
-    let Seeing::Setting(setting) = seeing(observation)? else {
+    let Kind::Setting(setting) = kind(observation)? else {
         return Err(refused(
             "weights drive by metadrive-1, safebench-1 or safebench-2; arrays-1 is for encoders of your own",
         ));

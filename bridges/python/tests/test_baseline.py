@@ -38,3 +38,15 @@ def test_the_recipe_trains(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", "baseline.py --steps 4096 --envs 32 --scenes 24 --held-out 12 12".split())
     runpy.run_path(str(HOME / "baseline.py"), run_name="__main__")
     assert "test  idm" in capsys.readouterr().out and (tmp_path / "baseline.safetensors").exists()
+
+
+def test_the_loop_trains_evolves_and_compares(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("torch", reason="torch is not installed (.ci/python --full)")
+    monkeypatch.chdir(tmp_path)
+    eg.generate("open.pool", 16, 7), eg.generate("closed.pool", 12, 8)
+    monkeypatch.setattr(sys, "argv", "loop.py open.pool closed.pool --steps 2048 --envs 32 --seeds 2 --epochs 1".split())
+    runpy.run_path(str(HOME.parent / "loop.py"), run_name="__main__")
+    out = capsys.readouterr().out
+    rows = [line.split("  ")[0].strip() for line in out.splitlines()]
+    assert {"first half", "plain again", "parents", "evolved", "PDM-hard", "IDM", "PDM", "standing still"} <= set(rows)
+    assert out.count("beside plain again: ") == 3

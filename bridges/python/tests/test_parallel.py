@@ -1,6 +1,8 @@
 """Several agents in one scene: PettingZoo's own tests, one agent held against a single environment, and every bad input."""
 
+import copy
 import math
+import pickle
 import sys
 
 import numpy as np
@@ -123,6 +125,123 @@ def test_more_agents_change_what_others_do_and_hidden_ones_drive(src):
         assert any(not np.array_equal(a[0]["agent_0"], b[0]["agent_0"]) for a, b in zip(other, alone) if "agent_0" in b[0])
 
 
+def test_a_function_is_given_the_records_of_a_single_environment(src):
+    kept = {"one": [], "env": []}
+    keeps = lambda which: lambda record: kept[which].append(record) or 3.0 * record["reward"] - 1.0
+    one, alike, ends = eg.AdversarialEnv(src, reward=keeps("one")), 0, set()
+    env = eg.parallel_env(src, agents=1, reward=keeps("env"))
+    for scene in src.scenes:
+        for of in kept.values():
+            of.clear()
+        obs, _ = one.reset(options={"scene": scene})
+        over, worth = False, []
+        while not over:
+            obs, reward, end, cut, _ = one.step(along_the_route(obs))
+            worth.append(reward)
+            over = end or cut
+        told = episode(env, options={"scene": scene})
+        rewards = [step[1]["agent_0"] for step in told[1:]]
+        assert rewards == [3.0 * of["reward"] - 1.0 for of in kept["env"]]
+        assert all(of["agent"] == "agent_0" and set(kept["one"][0]) <= set(of) for of in kept["env"])
+        if rewards == worth:
+            alike += 1
+            for expected, found in zip(kept["one"], kept["env"]):
+                assert found.pop("route_completion") == pytest.approx(expected.pop("route_completion"), abs=1e-6)
+                assert {name: found[name] for name in expected} == expected
+                ends.add(found["end"])
+    assert alike >= 2 and len(ends) > 2, (alike, ends)
+    several, seen = eg.parallel_env(src, agents=4, reward=keeps("env"), seed=5), kept["env"]
+    seen.clear()
+    told = episode(several)
+    assert len({of["agent"] for of in seen}) > 1 and [of["reward"] * 3.0 - 1.0 for of in seen] == [x for step in told[1:] for x in step[1].values()]
+    assert {of["track"] for of in seen} == {of["track"] for of in told[0][1].values()}
+
+
+def test_a_function_that_breaks_names_the_agent(src):
+    bad = {}
+    env = eg.parallel_env(src, agents=2, reward=lambda record: bad.get(record["agent"], 0.0))
+    for worth, error, said in [(math.nan, ValueError, "reward was nan in agent_1; expected"), (None, RuntimeError, "reward raised TypeError in agent_1")]:
+        env.reset(seed=1)
+        step = lambda: env.step({agent: np.float32([0.0, 0.5]) for agent in env.agents})
+        bad["agent_1"] = worth
+        with pytest.raises(error, match=said):
+            step()
+        bad.clear()
+        with pytest.raises(RuntimeError, match=r"the step that it was asked of is lost; expected reset\(\)"):
+            step()
+    assert episode(env, seed=1)[1][1] == {"agent_0": 0.0, "agent_1": 0.0}
+
+
+def worth(record):
+    return record["progress_m"]
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copied", "pickled"])
+@pytest.mark.parametrize("others", ["recorded", "idm"])
+def test_a_copy_goes_on_as_the_original(src, others, again):
+    options = {"observation": eg.Observation(stack=3), "reward": worth, "out_of_bounds": "clip", "render_mode": "rgb_array", "width": 200}
+    env = eg.parallel_env(src, 5, others, seed=2, **options)
+
+    def go_on(env):
+        told = []
+        for step in range(150):
+            if not env.agents:
+                told.append(env.reset())
+            actions = {agent: [0.01 * i, 0.1 * (step % 9)] for i, agent in enumerate(env.agents)}
+            told += [env.step(actions), *([env.render()] if step % 50 == 0 else [])]
+        return told, env.action_space("agent_1").sample()
+
+    env.action_space("agent_1").seed(1)  # an unseeded space draws its seed when it is asked first
+    fresh = again(env)
+    np.testing.assert_equal(go_on(fresh), go_on(env))
+    for _ in range(3):
+        other = again(env)
+        np.testing.assert_equal(other.render(), env.render())
+        np.testing.assert_equal(go_on(other), go_on(env))
+
+
+def test_numbers_and_stacks_are_each_agent_s(src):
+    env = eg.parallel_env(src, 4, observation=eg.Observation(stack=3), actions=eg.Discrete(3, 3))
+    plain = eg.parallel_env(src, 4)
+    assert env.action_space("agent_0").n == 9 and env.observation_space("agent_3").shape == (3, 126)
+    (seen, _), (expected, _) = env.reset(seed=4), plain.reset(seed=4)
+    frames = {agent: [of] * 3 for agent, of in expected.items()}
+    for step in range(40):
+        for agent, of in seen.items():
+            assert np.array_equal(of, frames[agent])
+        if not env.agents:
+            break
+        number = {agent: (i + step) % 9 for i, agent in enumerate(env.agents)}
+        seen, *told = env.step(number)
+        values = {agent: np.float32([of % 3 - 1, of // 3 - 1]) for agent, of in number.items()}
+        expected, *same = plain.step(values)
+        assert told == same
+        frames = {agent: [*frames[agent][1:], of] for agent, of in expected.items()}
+    env.reset(seed=4)
+    with pytest.raises(ValueError, match="agent_1: the action is 9; expected a number from 0 to 8"):
+        env.step({agent: 9 * (agent == "agent_1") for agent in env.agents})
+
+
+def test_a_picture_has_the_first_agent_in_the_middle(src):
+    scene = next(scene for scene in src.scenes if len(eg.parallel_env(src, 4).reset(options={"scene": scene})[0]) > 2)
+    env, one = (make(src, render_mode="rgb_array", width=300) for make in (eg.parallel_env, eg.AdversarialEnv))
+    with pytest.raises(RuntimeError, match="before the first reset"):
+        env.render()
+    env.reset(options={"scene": scene}), one.reset(options={"scene": scene})
+    first, alone = env.render(), one.render()
+    assert first.shape == alone.shape and first.dtype == np.uint8
+    # The same moment; the title says other words, and other agents are marked.
+    same = (first == alone).all(-1).mean()
+    assert 0.8 < same < 1.0, same
+    seen, middles = {first.tobytes()}, set()
+    while env.agents:
+        env.step({agent: [0.2 * (agent == "agent_0"), 0.9] for agent in env.agents})
+        middles.add(env._middle)
+        seen.add(env.render().tobytes())
+    assert len(seen) > 5 and len(middles) > 1, "who left is in the middle no more"
+    assert env.render().tobytes() in seen
+
+
 def test_bad_input_names_the_agent_and_leaves_the_environment_usable(src):
     env, good = eg.parallel_env(src, agents=3), np.float32([0.0, 0.5])
     with pytest.raises(RuntimeError, match="before the first reset"):
@@ -171,7 +290,10 @@ def test_what_cannot_be_shared_is_refused(pools, tmp_path, monkeypatch):
         (ValueError, 'others is "replay"; expected recorded, idm', {"others": "replay"}),
         (ValueError, "metadrive-2", {"observation": "metadrive-2"}),
         (ValueError, "reward: crash is .*expected a finite number|reward:", {"reward": eg.MetaDriveReward(crash=math.nan)}),
-        (TypeError, "reward is a function; expected MetaDriveReward", {"reward": len}),
+        (TypeError, "reward is a str; expected MetaDriveReward, SafeBenchReward or a function", {"reward": "speed"}),
+        (ValueError, "render_mode is 'human'", {"render_mode": "human"}),
+        (ValueError, "width is 7; expected 200 to 4000 pixels", {"width": 7}),
+        (TypeError, "actions is 'left'; expected evodrive.gym.Discrete", {"actions": "left"}),
         (ValueError, "out_of_bounds is 'wrap'", {"out_of_bounds": "wrap"}),
         (TypeError, "held-out scenes are not trained in", {"scenarios": src.held_out}),
         (ValueError, "is staged for SafeBench's traffic families.*expected scenes of traffic", {"scenarios": staged}),

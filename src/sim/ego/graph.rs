@@ -39,6 +39,22 @@ pub enum Function {
     Softplus,
     /// The least and the most.
     Clip(f32, f32),
+    Abs,
+    Neg,
+    Sign,
+    Sqrt,
+    Log,
+    Mish,
+    /// What is approached below 0, negated.
+    Celu(f32),
+    /// What is approached below 0, negated, and the slope above it, which both are multiplied by.
+    Selu(f32, f32),
+    /// Slope and height at 0 of a line that is cut to [0, 1].
+    HardSigmoid(f32, f32),
+    /// 1 of all but 0.
+    Truth,
+    /// 1 of 0, and 0 of all else.
+    Not,
 }
 
 impl Function {
@@ -61,6 +77,19 @@ impl Function {
             Function::Clip(least, _) if x < least => least,
             Function::Clip(_, most) if x > most => most,
             Function::Clip(..) => x,
+            Function::Abs => x.abs(),
+            Function::Neg => -x,
+            Function::Sign => f32::from(x > 0.0) - f32::from(x < 0.0),
+            Function::Sqrt => x.sqrt(),
+            Function::Log => num::ln(f64::from(x)) as f32,
+            Function::Mish => x * tanh(Function::Softplus.of(x)),
+            Function::Celu(_) if x > 0.0 => x,
+            Function::Celu(depth) => depth * elu(x / depth),
+            Function::Selu(_, slope) if x > 0.0 => slope * x,
+            Function::Selu(depth, slope) => slope * (depth * elu(x)),
+            Function::HardSigmoid(slope, height) => Function::Clip(0.0, 1.0).of(slope * x + height),
+            Function::Truth => f32::from(x != 0.0),
+            Function::Not => f32::from(x == 0.0),
         }
     }
 }
@@ -72,6 +101,20 @@ pub enum Operator {
     Sub,
     Mul,
     Div,
+    /// The larger one; what is no number where either is none. Of +0 and -0 the first.
+    Max,
+    Min,
+    /// The first, times the second where it lies below 0.
+    PRelu,
+    /// 1 where it is so, 0 where not, as is everything of what is no number.
+    Greater,
+    GreaterOrEqual,
+    Less,
+    LessOrEqual,
+    Equal,
+    And,
+    Or,
+    Xor,
 }
 
 impl Operator {
@@ -81,6 +124,19 @@ impl Operator {
             Operator::Sub => a - b,
             Operator::Mul => a * b,
             Operator::Div => a / b,
+            Operator::Max if a.is_nan() || a >= b => a,
+            Operator::Min if a.is_nan() || a <= b => a,
+            Operator::Max | Operator::Min => b,
+            Operator::PRelu if a < 0.0 => b * a,
+            Operator::PRelu => a,
+            Operator::Greater => f32::from(a > b),
+            Operator::GreaterOrEqual => f32::from(a >= b),
+            Operator::Less => f32::from(a < b),
+            Operator::LessOrEqual => f32::from(a <= b),
+            Operator::Equal => f32::from(a == b),
+            Operator::And => f32::from(a != 0.0 && b != 0.0),
+            Operator::Or => f32::from(a != 0.0 || b != 0.0),
+            Operator::Xor => f32::from((a != 0.0) != (b != 0.0)),
         }
     }
 }
@@ -94,6 +150,8 @@ pub enum Step {
     Each(Function, Vec<Cell>),
     /// One of each pair.
     Pairs(Operator, Vec<[Cell; 2]>),
+    /// The second of each three where the first is not 0, else the third.
+    Choices(Vec<[Cell; 3]>),
 }
 
 impl Step {
@@ -103,6 +161,7 @@ impl Step {
         match self {
             Step::Layer(_, from) | Step::Each(_, from) => from.iter().all(is_fixed),
             Step::Pairs(_, from) => from.as_flattened().iter().all(is_fixed),
+            Step::Choices(from) => from.as_flattened().iter().all(is_fixed),
         }
     }
 
@@ -117,6 +176,9 @@ impl Step {
             Step::Each(function, from) => from.iter().for_each(|cell| row.push(function.of(cell.of(row)))),
             Step::Pairs(operator, from) => {
                 from.iter().for_each(|[a, b]| row.push(operator.of(a.of(row), b.of(row))));
+            }
+            Step::Choices(from) => {
+                from.iter().for_each(|[which, a, b]| row.push(if which.of(row) != 0.0 { a } else { b }.of(row)));
             }
         }
     }

@@ -7,6 +7,7 @@ pub mod frenet;
 mod graph;
 pub mod idm;
 pub mod learned;
+mod nearest;
 pub mod network;
 pub mod observation;
 mod onnx;
@@ -16,6 +17,7 @@ pub mod replay;
 pub mod weights;
 mod weights_error;
 
+pub use arrays::Arrays;
 pub use graph::Graph;
 pub use observation::Setting;
 pub use policy::{Policy, PolicyError};

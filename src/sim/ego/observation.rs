@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 use serde::{Deserialize, Serialize};
 
 use super::four_numbers;
+use super::nearest::Nearest;
 use crate::kernel::{Vec2, num};
 use crate::sim::{Control, Seen, View, idm};
 
@@ -32,8 +33,10 @@ const EGO: usize = 10;
 const ROUTE_M: [f64; 10] = [2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0];
 const EDGE_RAYS: usize = 12;
 const LIDAR_RAYS: usize = 24;
-/// Number of road users that are described one by one.
-const OTHERS: usize = 6;
+/// Number of road users that [`Setting::Metadrive1`] describes one by one.
+pub const NEIGHBOURS: usize = 6;
+/// Most that [`observe`] describes.
+pub const NEIGHBOURS_MAX: usize = 64;
 const EACH: usize = 10;
 
 const POINT_M: f64 = 30.0;
@@ -59,7 +62,7 @@ impl Setting {
     /// Returns the number of values in an observation.
     pub fn length(self) -> usize {
         match self {
-            Setting::Metadrive1 => EGO + 2 * ROUTE_M.len() + EDGE_RAYS + LIDAR_RAYS + OTHERS * EACH,
+            Setting::Metadrive1 => length(NEIGHBOURS),
             Setting::Safebench1 | Setting::Safebench2 => four_numbers::LENGTH,
         }
     }
@@ -67,7 +70,7 @@ impl Setting {
     /// Returns the lowest and highest value of each number.
     pub fn bounds(self) -> Vec<(f32, f32)> {
         match self {
-            Setting::Metadrive1 => bounds(),
+            Setting::Metadrive1 => bounds(NEIGHBOURS),
             Setting::Safebench1 | Setting::Safebench2 => four_numbers::bounds().to_vec(),
         }
     }
@@ -76,7 +79,7 @@ impl Setting {
     pub fn observe(self, view: &View<'_>, out: &mut Vec<f32>) {
         out.clear();
         match self {
-            Setting::Metadrive1 => observe(view, out),
+            Setting::Metadrive1 => observe(view, NEIGHBOURS, out),
             Setting::Safebench1 => four_numbers::observe_first(view, out),
             Setting::Safebench2 => four_numbers::observe(view, out),
         }
@@ -98,18 +101,26 @@ impl Setting {
     }
 }
 
+/// Returns how many numbers [`observe`] writes.
+pub fn length(neighbours: usize) -> usize {
+    EGO + 2 * ROUTE_M.len() + EDGE_RAYS + LIDAR_RAYS + neighbours * EACH
+}
+
 /// Returns the bounds of [`observe`], number by number.
-fn bounds() -> Vec<(f32, f32)> {
+pub fn bounds(neighbours: usize) -> Vec<(f32, f32)> {
     let most = MOST as f32;
     let (any, some, unit, share) = ((-most, most), (0.0, most), (-1.0, 1.0), (0.0, 1.0));
     let mut bounds = vec![some, unit, any, any, unit, any, share, share, share, any];
     bounds.extend([any; 2 * ROUTE_M.len()]);
     bounds.extend([share; EDGE_RAYS + LIDAR_RAYS]);
-    bounds.extend([share, unit, unit, any, any, unit, unit, some, any, any].repeat(OTHERS));
+    bounds.extend([share, unit, unit, any, any, unit, unit, some, any, any].repeat(neighbours));
     bounds
 }
 
-fn observe(view: &View<'_>, out: &mut Vec<f32>) {
+/// Writes the observation `metadrive-1` to `out`, in place of its contents, with so many road users described one by one:
+/// [`NEIGHBOURS`] in the setting, [`NEIGHBOURS_MAX`] at most.
+pub fn observe(view: &View<'_>, neighbours: usize, out: &mut Vec<f32>) {
+    out.clear();
     let (ego, route) = (view.ego(), view.route());
     let mut push = |x: f64| out.push(x.clamp(-MOST, MOST) as f32);
     let left_m = route.length_m() - ego.along.s_m;
@@ -137,12 +148,10 @@ fn observe(view: &View<'_>, out: &mut Vec<f32>) {
     let mut hits_m = [0.0; LIDAR_RAYS];
     view.lidar_m(&rays(ego.axis, &LIDAR_ANGLES), SIGHT_M, &mut hits_m);
     hits_m.iter().for_each(|&hit_m| push(closeness(hit_m, SIGHT_M)));
-    for seen in nearest(view) {
-        match seen {
-            Some(seen) => each(view, &seen).into_iter().for_each(&mut push),
-            None => (0..EACH).for_each(|_| push(0.0)),
-        }
-    }
+    let mut nearest: Nearest<Seen, NEIGHBOURS_MAX> = Nearest::new(neighbours);
+    view.for_each_within(SIGHT_M, |seen| nearest.see((seen.position - ego.sample.position).norm_squared(), *seen));
+    nearest.iter().for_each(|seen| each(view, seen).into_iter().for_each(&mut push));
+    out.resize(length(neighbours), 0.0);
 }
 
 /// Returns the numbers of one other road user.
@@ -193,19 +202,4 @@ static LIDAR_ANGLES: LazyLock<[(f64, f64); LIDAR_RAYS]> = LazyLock::new(angles);
 /// Returns unit vectors at these angles from `axis`, counter-clockwise.
 fn rays<const COUNT: usize>(axis: Vec2, angles: &[(f64, f64); COUNT]) -> [Vec2; COUNT] {
     angles.map(|(sine, cosine)| Vec2::new(axis.x * cosine - axis.y * sine, axis.x * sine + axis.y * cosine))
-}
-
-/// Returns the nearest road users, nearest first; if two are equally near, the one seen first.
-fn nearest(view: &View<'_>) -> [Option<Seen>; OTHERS] {
-    let own = view.ego().sample.position;
-    let apart = |seen: &Seen| (seen.position - own).norm_squared();
-    let mut nearest: [Option<Seen>; OTHERS] = [None; OTHERS];
-    view.for_each_within(SIGHT_M, |seen| {
-        let place = nearest.iter().position(|f| f.as_ref().is_none_or(|f| apart(seen) < apart(f)));
-        if let Some(place) = place {
-            nearest[place..].rotate_right(1);
-            nearest[place] = Some(*seen);
-        }
-    });
-    nearest
 }

@@ -14,7 +14,7 @@ use super::graph::{Cell, Graph};
 use super::observation::{ACTION, Setting};
 use super::weights_error::WeightsError;
 use lowering::{Lowering, Value};
-use wire::{COUNT_MAX, Fields, Node, Tensor, refused};
+use wire::{COUNT_MAX, Fields, Kind, Node, Tensor, refused};
 
 /// The entry of a file's properties that names its observation.
 const KEY: &str = "evodrive.observation";
@@ -87,9 +87,10 @@ pub fn read(bytes: &[u8]) -> Result<(Setting, Graph), WeightsError> {
     }
     let place = format!("output {output:?}");
     let value = values.get(output).ok_or_else(|| refused(&place, "nothing", "what a node computes"))?;
-    let action = <[Cell; ACTION]>::try_from(&value.cells[..]).map_err(|_| {
-        let expected = "two numbers, steering and pedal, which are cut to [-1, 1]";
-        refused(&place, format!("numbers of shape {:?}", value.shape), expected)
+    let action = <[Cell; ACTION]>::try_from(&value.cells[..]).ok().filter(|_| value.kind == Kind::Float);
+    let action = action.ok_or_else(|| {
+        let expected = "two f32, steering and pedal, which are cut to [-1, 1]";
+        refused(&place, format!("{:?} numbers of shape {:?}", value.kind, value.shape), expected)
     })?;
     Ok((setting, Graph { steps: lowering.steps, action }))
 }

@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium as _gymnasium
 
+from .actions import Discrete
 from .adapters import sb3
-from .engine import Record
+from .engine import Reward
 from .evolving import evolve
 from .policies import evaluate, save_policy
-from .rewards import MetaDriveReward, SafeBenchReward
+from .rewards import MetaDriveReward, Record, SafeBenchReward
 from .scenarios import CONTACT_CLASSES, ENDS, HeldOut, Scenarios, generate
 from .single import AdversarialEnv
+from .spaces import Observation
 from .vector import VecEnv
 
 if TYPE_CHECKING:
@@ -26,10 +28,12 @@ if TYPE_CHECKING:
 __all__ = [
     "AdversarialEnv",
     "CONTACT_CLASSES",
+    "Discrete",
     "ENDS",
     "HeldOut",
     "ID",
     "MetaDriveReward",
+    "Observation",
     "Record",
     "SafeBenchReward",
     "Scenarios",
@@ -64,10 +68,13 @@ def parallel_env(
     scenarios: Scenarios,
     agents: int = 8,
     others: str = "recorded",
-    observation: str = "metadrive-1",
-    reward: MetaDriveReward | SafeBenchReward | None = None,
+    observation: str | Observation = "metadrive-1",
+    reward: Reward = None,
     seed: int | None = None,
     out_of_bounds: str = "raise",
+    actions: Discrete | None = None,
+    render_mode: str | None = None,
+    width: int = 480,
 ) -> "SharedEnv":
     """A `pettingzoo.ParallelEnv` of plain scenes in which several drive: `agent_0` is the scene's ego, `agent_1` .. are vehicles that were
     recorded in it, those nearest to the ego first; a scene with fewer has fewer. `others` says what vehicles do that could be agents and
@@ -78,4 +85,4 @@ def parallel_env(
         if error.name != "pettingzoo":
             raise
         raise ImportError("parallel_env needs PettingZoo: pip install pettingzoo") from error
-    return SharedEnv(scenarios, agents, others, observation, reward, seed, out_of_bounds)
+    return SharedEnv(scenarios, agents, others, observation, reward, seed, out_of_bounds, actions, render_mode, width)

@@ -17,8 +17,7 @@ def sb3(env: VecEnv) -> SB3VecEnv:
     from stable_baselines3.common.vec_env import VecEnv as Base
 
     env._set_autoreset("same_step")
-    if env.observation == "arrays-1":
-        keys = list(env.single_observation_space.spaces)
+    keys = list(env._engine.seen.cuts)  # of an observation of several arrays
 
     class Adapter(Base):
         """Steps a `VecEnv`; what the library keeps is copied."""
@@ -68,6 +67,9 @@ def sb3(env: VecEnv) -> SB3VecEnv:
                     infos[i] = of
             return self._copied(obs), rewards.astype(np.float32), terminated | truncated, infos
 
+        def get_images(self):
+            return list(env.render() or ())
+
         def close(self):
             env.close()
 
@@ -103,7 +105,7 @@ def puffer(env: VecEnv, buf: Any = None, seed: int | None = None) -> Any:
         raise ImportError(f"PufferLib cannot be loaded: {error}. {PUFFERLIB}") from error
     if not hasattr(pufferlib, "PufferEnv"):
         raise ImportError(f"PufferLib {pufferlib.__version__} has no PufferEnv; expected 3.0. {PUFFERLIB}")
-    if env.observation == "arrays-1":
+    if env._engine.seen.cuts:
         raise ValueError("PufferLib's native environments observe one array; make the VecEnv with 'metadrive-1' or 'safebench-2'")
 
     env._set_autoreset("same_step")

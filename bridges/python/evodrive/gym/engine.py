@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
+import gymnasium
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from .. import _evodrive
 from ..shown import shown
-from . import spaces
-from .rewards import MetaDriveReward, SafeBenchReward, reward_of
+from .rewards import MetaDriveReward, Record, SafeBenchReward, Worth, Worths, reward_of
+from .actions import Actions
 from .scenarios import CONTACT_CLASSES, ENDS, HeldOut, Path_, Scenarios
+from .spaces import Seen
 
-#: A reward as a rule or a function of what the step did, and a cost (README, Rewards).
-Record = dict[str, Any]
-Worth = Callable[[Record], float]
+#: A reward as a rule or a function of what the step did.
 Reward = MetaDriveReward | SafeBenchReward | Worth | Mapping[str, Any] | None
 
 #: Arrays of `info` about the episode that the step belonged to, and what the engine calls them.
@@ -39,16 +38,19 @@ REPORTS = {
 class Engine:
     """A fleet of the engine. It is pickled as what it was made of and what was done since, which is done again elsewhere."""
 
-    def __init__(self, scenarios, places, threads, observation, reward, cost, autoreset, out_of_bounds, by_failure, preventable, keep, motion=False):
+    def __init__(
+        self, scenarios, places, threads, observation, reward, cost, autoreset, out_of_bounds, by_failure, preventable, keep, actions, render_mode, width
+    ):
+        self.seen, self.taken, self.drawn_px = Seen(observation), Actions(actions), drawn_px(render_mode, width)
         scenarios, self.clips = scenarios_of(scenarios), clips(out_of_bounds)
         if cost is not None and not callable(cost):
             raise TypeError(f"cost is a {type(cost).__name__}; expected a function of a record, or None")
-        self.scenarios, self.observation, self.autoreset = scenarios, observation, autoreset
+        self.scenarios, self.autoreset = scenarios, autoreset
         self.rule, self.worth = reward_of(reward)
-        self.cost, self.spoiled = cost, None
+        self.cost, self.worths = cost, Worths()
         self.sums = np.zeros(places)
-        given = {"places": places, "threads": threads, "observation": observation, "reward": json.dumps(self.rule._plain())}
-        self._given = given | {"by_failure": by_failure, "preventable": preventable, "keep": keep, "motion": motion}
+        given = {"places": places, "threads": threads, "observation": self.seen.plain, "reward": json.dumps(self.rule._plain())}
+        self._given = given | {"by_failure": by_failure, "preventable": preventable, "keep": keep, "motion": render_mode is not None}
         self._open(scenarios._driver)
 
     def _open(self, around, state=None):
@@ -58,8 +60,8 @@ class Engine:
         )
         of = lambda name: np.asarray(self.native.array(name))
         self.actions, self.rewards, self.terminated, self.truncated = map(of, ("actions", "rewards", "terminated", "truncated"))
-        self.sheets = [spaces.views(of(f"observations_{k}"), self.observation) for k in (0, 1)]
-        self.final = spaces.views(of("final_observations"), self.observation)
+        self.sheets = [self.seen.views(of(f"observations_{k}")) for k in (0, 1)]
+        self.final = self.seen.views(of("final_observations"))
         self.reports = {name: of(source) for name, source in REPORTS.items()}
         self.did = of("step")
         self._show()
@@ -91,17 +93,24 @@ class Engine:
         sheet = self.native.reset(mask, named_task(self.scenarios, options))
         self.sums[slice(None) if mask is None else mask] = 0.0
         if mask is None:
-            self.spoiled = None
+            self.worths.spoiled = None
         return sheet
 
-    def step(self, into, actions):
+    def step(self, actions, who):
         """Carries actions out: how many episodes ended, and which sheet of observations is written."""
-        if self.spoiled:
-            raise RuntimeError(f"{self.spoiled}, and the step that it was asked of is lost; expected reset() before the next step")
-        np.copyto(into, actions, casting="same_kind")
+        self.worths.check()
+        if self.taken.given is not None:
+            is_read = ~(self.terminated | self.truncated) if self.autoreset == "next_step" else None
+            actions = self.taken.driven(actions, who, is_read)
+        np.copyto(self.actions, actions, casting="same_kind")
         if self.clips:
-            np.clip(into, -1.0, 1.0, out=into)
+            np.clip(self.actions, -1.0, 1.0, out=self.actions)
         return self.native.step()
+
+    def picture(self, i):
+        """The present moment of an environment."""
+        scene, program = self.scenarios._ids[self.now["scene"][i]], self.scenarios._names[self.now["program"][i]]
+        return frame(self.native.picture(i, self.drawn_px, f"{scene}, {program}"))
 
     def judged(self):
         """Rewards of the step, costs where they are asked for, and the episodes' returns: a call of the caller's functions an environment."""
@@ -119,25 +128,14 @@ class Engine:
             record["end"], record["contact_class"] = end_name(record["end"]), class_name(record["contact_class"])
             record["preventable"] = None if record["preventable"] < 0 else bool(record["preventable"])
             if costs is not None:
-                costs[i] = self._worth("cost", self.cost, dict(record), i)
+                costs[i] = self.worths.of("cost", self.cost, dict(record), f"environment {i}")
             if self.worth is not None:
-                rewards[i] = self._worth("reward", self.worth, record, i)
+                rewards[i] = self.worths.of("reward", self.worth, record, f"environment {i}")
         if self.worth is not None:
             self.sums += rewards
             returns = self.sums.copy()
             self.sums[self.terminated | self.truncated] = 0.0
         return rewards, costs, returns
-
-    def _worth(self, name, function, record, i):
-        try:
-            worth = float(function(record))
-        except Exception as error:
-            self.spoiled = f"{name} raised {type(error).__name__} in environment {i} ({error})"
-            raise RuntimeError(f"{self.spoiled}; expected a finite number. Reset before the next step") from error
-        if not math.isfinite(worth):
-            self.spoiled = f"{name} was {worth} in environment {i}"
-            raise ValueError(f"{self.spoiled}; expected a finite number. Reset before the next step")
-        return worth
 
 
 #: What a record says of the step, beside what `info` says of the episode.
@@ -222,6 +220,31 @@ def named_task(scenarios, options):
     if scene not in ids:
         raise ValueError(f"no scene {shown(scene)} in the pool of {len(ids)}; expected one of {ids[:5]} ..")
     return names.index(program), ids.index(scene)
+
+
+def drawn_px(render_mode, width):
+    """The width of pictures."""
+    if render_mode not in (None, "rgb_array"):
+        raise ValueError(f"render_mode is {shown(render_mode)}; expected None or 'rgb_array'")
+    if isinstance(width, bool) or not isinstance(width, (int, float, np.integer)) or not 200 <= width <= 4000:
+        raise ValueError(f"width is {shown(width)}; expected 200 to 4000 pixels")
+    return float(width)
+
+
+def frame(picture):
+    """A picture of the engine's as an array of one's own."""
+    height, width, rgb = picture
+    return np.frombuffer(rgb, np.uint8).reshape(height, width, 3).copy()
+
+
+def draws(render_mode, is_begun):
+    """Whether there is something to draw; says why not."""
+    if render_mode is None:
+        gymnasium.logger.warn("render() without a render_mode; make the environment with render_mode='rgb_array'")
+        return False
+    if not is_begun:
+        raise RuntimeError("render before the first reset; call reset first")
+    return True
 
 
 def end_name(code):

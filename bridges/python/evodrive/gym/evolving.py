@@ -12,6 +12,7 @@ from typing import Any
 from .. import _evodrive
 from .policies import weights_of
 from .scenarios import Scenarios
+from .spaces import Observation
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ def evolve(
     name: str = "evolved",
     epochs: int = 4,
     slots: int = 6,
-    observation: str = "metadrive-1",
+    observation: str | Observation = "metadrive-1",
     settings: dict[str, Any] | None = None,
     jobs: int = 0,
 ) -> list[Evolved]:

@@ -8,18 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gymnasium.spaces import Box
 
 from .. import _evodrive
 from ..shown import shown
+from .actions import Actions, Discrete
 from .scenarios import HeldOut, Path_, Scenarios, _driver
-from .spaces import views
+from .spaces import Observation, Seen, standard
 
 _NAMES = "latent_pi.0, latent_pi.2 .. (one to eight) and mu, each with weight and bias"
 # torch's functions between layers, as a file names them.
 _FUNCTIONS = {"ReLU": "relu", "Tanh": "tanh", "ELU": "elu", "GELU": "gelu", "SiLU": "silu"}
 
 
-def save_policy(actor: Any, path: Path_, observation: str = "metadrive-1", squash: str | None = None) -> Path_:
+def save_policy(actor: Any, path: Path_, observation: str | Observation = "metadrive-1", squash: str | None = None) -> Path_:
     """Writes a policy as a file of weights that EvoDrive drives with, and gives the path.
 
     actor   a torch module of linear layers (one to eight hidden ones, with ReLU, Tanh, ELU, GELU or SiLU between them, and the action's
@@ -27,13 +29,17 @@ def save_policy(actor: Any, path: Path_, observation: str = "metadrive-1", squas
             latent_pi.0.weight (hidden, numbers observed), latent_pi.0.bias, latent_pi.2.weight, .bias .., mu.weight, .bias, with ReLU
     squash  how means become an action: "tanh", or "clip" to [-1, 1]. Without it: tanh of SAC, of a module that ends with it, and
             of arrays; clip of PPO, A2C and other modules
+
+    A file drives by a standard observation and gives steering and pedal, so no policy of `Discrete` actions, and none of an `Observation` with
+    settings of its own, becomes one; `evaluate` drives both within this process.
     """
     Path(path).write_bytes(weights_of(actor, observation, squash))
     return path
 
 
-def weights_of(actor: Any, observation: str = "metadrive-1", squash: str | None = None) -> bytes:
+def weights_of(actor: Any, observation: str | Observation = "metadrive-1", squash: str | None = None) -> bytes:
     """The bytes of `save_policy`; of a file or a function that gives a policy its own."""
+    observation = standard(observation)
     if isinstance(actor, (bytes, str, os.PathLike)):
         _, weights = _driver(actor)
         if weights is None:
@@ -88,6 +94,11 @@ def _of_modules(*parts, squash=None):
 
 def _of_sb3(model):
     policy = model.policy
+    if not isinstance(model.action_space, Box):
+        raise ValueError(
+            f"the model's actions are {model.action_space}; expected steering and pedal from -1 to 1, which is what a file of weights gives; "
+            "evaluate(model, scenes, actions=...) drives it within this process"
+        )
     if hasattr(policy, "action_net"):  # PPO, A2C
         layers, activation, squash = _of_modules(policy.mlp_extractor.policy_net, policy.action_net, squash="clip")
     elif hasattr(policy.actor, "latent_pi"):  # SAC
@@ -104,13 +115,13 @@ def _of_sb3(model):
     return layers, activation, squash
 
 
-def _asked(policy, observation):
+def _asked(policy, seen, taken):
     """A policy within Python as the engine asks it: bytes of observations and their count in, bytes of actions out. None of one that
     becomes a file of weights."""
     if not callable(policy) and not hasattr(policy, "predict"):
         return None
     try:
-        if observation != "arrays-1" and _layers(policy)[0] is not None:
+        if seen.name not in (None, "arrays-1") and taken.given is None and _layers(policy)[0] is not None:
             return None
     except ValueError:
         pass  # another network than that of a file
@@ -120,11 +131,13 @@ def _asked(policy, observation):
     elif hasattr(policy, "named_modules"):
         answer = _module(policy)
 
-    def ask(seen, count):
-        actions = np.asarray(answer(views(np.frombuffer(seen, np.float32).reshape(count, -1).copy(), observation)))
-        if actions.shape != (count, 2) or actions.dtype.kind not in "fiu":
+    def ask(sheet, count):
+        actions = np.asarray(answer(seen.views(np.frombuffer(sheet, np.float32).reshape(count, -1).copy())))
+        shape = (count, *taken.space.shape)
+        if actions.shape != shape or actions.dtype.kind not in "fiu":
             found = f"{actions.dtype} of shape {actions.shape}"
-            raise ValueError(f"the policy gave {found} for {count} observations; expected numbers of shape ({count}, 2): steering and pedal a row")
+            raise ValueError(f"the policy gave {found} for {count} observations; expected numbers of shape {shape}: {taken.said} a row")
+        actions = taken.driven(actions, lambda row: f"the policy, observation {row}: ")
         if not np.isfinite(actions).all():
             row, which = np.argwhere(~np.isfinite(actions))[0]
             raise ValueError(f"the policy gave {actions[row, which]} as action[{row}, {which}]; expected finite numbers, which are clipped to -1 .. 1")
@@ -145,7 +158,13 @@ def _module(module):
     return answer
 
 
-def evaluate(policy: Any, scenes: HeldOut | Scenarios, observation: str = "metadrive-1", threads: int = 0) -> dict[str, dict[str, Any]]:
+def evaluate(
+    policy: Any,
+    scenes: HeldOut | Scenarios,
+    observation: str | Observation = "metadrive-1",
+    threads: int = 0,
+    actions: Discrete | None = None,
+) -> dict[str, dict[str, Any]]:
     """How a policy drives, under each program planned around it: `evodrive apply`'s labels and `evodrive egos`' figures.
 
     policy  a file of weights, "idm", "idm-lights", "pdm", "frenet", "replay", "standing" (brakes and stands), whatever `save_policy` takes; or,
@@ -153,6 +172,8 @@ def evaluate(policy: Any, scenes: HeldOut | Scenarios, observation: str = "metad
             of all scenes that still go on (n, numbers; of "arrays-1" a dictionary) and gives actions (n, 2), clipped to -1 .. 1. Programs
             are planned around its drive; SafeBench's around IDM, without labels
     scenes  `scenarios.held_out`, or `Scenarios` for the scenes of the training
+    observation, actions
+            what such a function, module or model is given, and gives, as of `VecEnv`
 
     Gives a dictionary by program: scenes, crash_rate (anybody), off_road_rate, arrival_rate, route_completion, speed_mps, not_planned
     (scenes left out because the program cannot be planned there), and of programs attack, realism (by its protocol's name), coverage.
@@ -161,12 +182,15 @@ def evaluate(policy: Any, scenes: HeldOut | Scenarios, observation: str = "metad
         raise TypeError(f"scenes is a {type(scenes).__name__}; expected scenarios.held_out, or Scenarios")
     held_out = isinstance(scenes, HeldOut)
     scenarios = scenes.scenarios if held_out else scenes
+    seen, taken = Seen(observation), Actions(actions)
     if isinstance(policy, str) and policy in ("idm", "idm-lights", "pdm", "frenet", "replay", "standing"):
         name, weights = policy, None
     elif isinstance(policy, (str, os.PathLike)):
         name, weights = _driver(policy)
-    elif ask := _asked(policy, observation):
-        return json.loads(_evodrive.evaluate_by(scenarios._native, ask, observation, held_out, threads))
+    elif ask := _asked(policy, seen, taken):
+        return json.loads(_evodrive.evaluate_by(scenarios._native, ask, seen.plain, held_out, threads))
     else:
         name, weights = None, weights_of(policy, observation)
+    if taken.given is not None:
+        raise TypeError(f"{shown(policy)} gives steering and pedal; actions= goes with a function, a torch module or an SB3 model")
     return json.loads(_evodrive.evaluate(scenarios._native, name, weights, held_out, threads))

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from ..shown import shown
+
+#: What a function of one's own is given of a step, and the function (README, Rewards).
+Record = dict[str, Any]
+Worth = Callable[[Record], float]
 
 
 @dataclass(frozen=True)
@@ -59,3 +64,26 @@ def reward_of(reward):
     if callable(reward):
         return MetaDriveReward(), reward
     raise TypeError(f"reward is a {type(reward).__name__}; expected MetaDriveReward, SafeBenchReward or a function of a record")
+
+
+class Worths:
+    """What functions of the caller's say of steps. One that breaks spoils the step, until the next reset."""
+
+    spoiled: str | None = None
+
+    def check(self):
+        """Refuses a step behind one that was lost."""
+        if self.spoiled:
+            raise RuntimeError(f"{self.spoiled}, and the step that it was asked of is lost; expected reset() before the next step")
+
+    def of(self, name, function, record, where):
+        """A finite number."""
+        try:
+            worth = float(function(record))
+        except Exception as error:
+            self.spoiled = f"{name} raised {type(error).__name__} in {where} ({error})"
+            raise RuntimeError(f"{self.spoiled}; expected a finite number. Reset before the next step") from error
+        if not math.isfinite(worth):
+            self.spoiled = f"{name} was {worth} in {where}"
+            raise ValueError(f"{self.spoiled}; expected a finite number. Reset before the next step")
+        return worth

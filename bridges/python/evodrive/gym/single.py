@@ -9,10 +9,11 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..shown import shown
-from . import spaces
-from .engine import Driven, Engine, Reward, Worth, class_name, end_name
+from .actions import Discrete
+from .engine import Driven, Engine, Reward, class_name, draws, end_name
+from .rewards import Worth
 from .scenarios import Scenarios
+from .spaces import Observation
 
 
 class AdversarialEnv(Driven, gymnasium.Env[Any, Any]):
@@ -28,7 +29,7 @@ class AdversarialEnv(Driven, gymnasium.Env[Any, Any]):
     def __init__(
         self,
         scenarios: Scenarios | Mapping[str, Any],
-        observation: str = "metadrive-1",
+        observation: str | Observation | Mapping[str, Any] = "metadrive-1",
         reward: Reward = None,
         seed: int | None = None,
         preventable: bool = False,
@@ -38,16 +39,12 @@ class AdversarialEnv(Driven, gymnasium.Env[Any, Any]):
         cost: Worth | None = None,
         out_of_bounds: str = "raise",
         by_failure: float = 1.0,
+        actions: Discrete | Mapping[str, Any] | None = None,
     ) -> None:
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"render_mode is {shown(render_mode)}; expected None or 'rgb_array'")
-        if not 200 <= width <= 4000:
-            raise ValueError(f"width is {width}; expected 200 to 4000 pixels")
-        self.observation_space, self.action_space = spaces.observation_space(observation), spaces.action_space()
-        motion = render_mode is not None
         self._engine = Engine(
-            scenarios, 1, 1, observation, reward, cost, "disabled", out_of_bounds, by_failure, preventable, keep, motion
+            scenarios, 1, 1, observation, reward, cost, "disabled", out_of_bounds, by_failure, preventable, keep, actions, render_mode, width
         )
+        self.observation_space, self.action_space = self._engine.seen.space, self._engine.taken.space
         self.observation, self.render_mode, self.width = observation, render_mode, width
         self._first_seed, self._begun = seed, False
 
@@ -77,9 +74,9 @@ class AdversarialEnv(Driven, gymnasium.Env[Any, Any]):
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         engine, action = self._engine, np.asarray(action)
-        if action.shape != (2,):
-            raise ValueError(f"the action has the shape {action.shape}; expected (2,): steering and pedal")
-        ended, sheet = engine.step(engine.actions[0], action)
+        if action.shape != self.action_space.shape:
+            raise ValueError(f"the action has the shape {action.shape}; expected {self.action_space.shape}: {engine.taken.said}")
+        ended, sheet = engine.step(action[None], lambda _: "")
         rewards, costs, returns = engine.judged()
         info = self._info()
         if ended:
@@ -98,14 +95,7 @@ class AdversarialEnv(Driven, gymnasium.Env[Any, Any]):
         return self._seen(sheet), float(rewards[0]), bool(engine.terminated[0]), bool(engine.truncated[0]), info
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
-        if self.render_mode is None:
-            gymnasium.logger.warn("render() without a render_mode; make the environment with render_mode='rgb_array'")
-            return None
-        if not self._begun:
-            raise RuntimeError("render before the first reset; call reset first")
-        info = self._info()
-        height, width, rgb = self._engine.native.picture(0, float(self.width), f"{info['scene']}, {info['program']}")
-        return np.frombuffer(rgb, np.uint8).reshape(height, width, 3).copy()
+        return self._engine.picture(0) if draws(self.render_mode, self._begun) else None
 
     def episode(self) -> str | None:
         """The last episode that ended, as of `VecEnv.episode`."""

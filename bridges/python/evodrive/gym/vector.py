@@ -11,10 +11,12 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from ..shown import shown
-from . import spaces
-from .engine import Driven, Engine, Reward, Worth
+from .actions import Discrete
+from .engine import Driven, Engine, Reward, draws
 from .policies import weights_of
+from .rewards import Worth
 from .scenarios import Scenarios
+from .spaces import Observation
 
 _MODES = {
     "next_step": AutoresetMode.NEXT_STEP,
@@ -36,7 +38,9 @@ class VecEnv(Driven, VectorEnv[Any, Any, NDArray[Any]]):
     num_envs       n
     threads        that step them; 0 is one a core. The numbers are the same for any
     observation    "metadrive-1": float32 (n, 126); "safebench-2" (or "safebench-1"): float32 (n, 4); "arrays-1": a dictionary of arrays, in
-                   metres, seconds and radians in the ego's frame: ego (n, 9), route (n, 20, 2), neighbours (n, 32, 10), lanes (n, 64, 6)
+                   metres, seconds and radians in the ego's frame: ego (n, 9), route (n, 20, 2), neighbours (n, 32, 10), lanes (n, 64, 6);
+                   or Observation(...), which has settings of these and a stack of moments
+    actions        without it steering and pedal, float32 (n, 2) from -1 to 1; Discrete(...): their numbers
     reward         MetaDriveReward(...), SafeBenchReward(...), or a function of a record of a step; without it MetaDriveReward()
     cost           a function of such a record, for `info["cost"]`
     autoreset      "next_step", "same_step" or "disabled", as in Gymnasium
@@ -49,18 +53,20 @@ class VecEnv(Driven, VectorEnv[Any, Any, NDArray[Any]]):
     copy           whether observations and infos are the caller's own, as in Gymnasium's vector environments. With False they are
                    views of memory that the engine owns, observations of two sheets in turn: what a step returned stays as it is
                    during the next step, and is written over by the one after it
+    render_mode    "rgb_array": `render()` gives a picture of each environment, uint8 (height, width, 3), the ego in the middle. Everyone's
+                   motion is kept then
 
-    `step` takes float32 (n, 2): steering and pedal, from -1 to 1. Pickled or deep-copied it goes on as the original does.
+    Pickled or deep-copied it goes on as the original does.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
 
     def __init__(
         self,
         scenarios: Scenarios | Mapping[str, Any],
         num_envs: int = 1,
         threads: int = 0,
-        observation: str = "metadrive-1",
+        observation: str | Observation | Mapping[str, Any] = "metadrive-1",
         reward: Reward = None,
         autoreset: str | AutoresetMode = "next_step",
         seed: int | None = None,
@@ -70,17 +76,20 @@ class VecEnv(Driven, VectorEnv[Any, Any, NDArray[Any]]):
         cost: Worth | None = None,
         out_of_bounds: str = "raise",
         by_failure: float = 1.0,
+        actions: Discrete | Mapping[str, Any] | None = None,
+        render_mode: str | None = None,
+        width: int = 480,
     ) -> None:
-        single = spaces.observation_space(observation)
+        mode = _mode(autoreset)
         self._engine = Engine(
-            scenarios, num_envs, threads, observation, reward, cost, _mode(autoreset), out_of_bounds, by_failure, preventable, keep
+            scenarios, num_envs, threads, observation, reward, cost, mode, out_of_bounds, by_failure, preventable, keep, actions, render_mode, width
         )
-        self.observation, self.num_envs, self.render_mode, self.copy = observation, num_envs, None, copy
+        self.observation, self.num_envs, self.render_mode, self.copy = observation, num_envs, render_mode, copy
         self._set_autoreset(self._engine.autoreset)
-        self.single_observation_space, self.single_action_space = single, spaces.action_space()
-        self.observation_space = batch_space(single, num_envs)
+        self.single_observation_space, self.single_action_space = self._engine.seen.space, self._engine.taken.space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._shape, self._first_seed = (num_envs, 2), seed
+        self._shape, self._first_seed, self._begun = (num_envs, *self.single_action_space.shape), seed, False
         #: The policy that is being trained, around which adversaries are planned: a torch module, an SB3 model, arrays, a file
         #: (whatever `save_policy` takes), or a function that gives one.
         self.policy: Any = None
@@ -122,6 +131,7 @@ class VecEnv(Driven, VectorEnv[Any, Any, NDArray[Any]]):
                 )
             mask = mask.tolist()
         sheet = self._engine.reset(mask, options)
+        self._begun = True
         return self._given(self._engine.sheets[sheet]), self._given(self._engine.now)
 
     def _given(self, arrays):
@@ -134,8 +144,8 @@ class VecEnv(Driven, VectorEnv[Any, Any, NDArray[Any]]):
         """One decision of 0.1 s in every environment."""
         engine, actions = self._engine, np.asarray(actions)
         if actions.shape != self._shape:
-            raise ValueError(f"actions have the shape {actions.shape}; expected {self._shape}: steering and pedal a row")
-        ended, sheet = engine.step(engine.actions, actions)
+            raise ValueError(f"actions have the shape {actions.shape}; expected {self._shape}: {engine.taken.said} a row")
+        ended, sheet = engine.step(actions, lambda i: f"environment {i}: ")
         rewards, costs, returns = engine.judged()
         info = self._given(engine.now)
         if engine.autoreset != "same_step":
@@ -170,6 +180,16 @@ class VecEnv(Driven, VectorEnv[Any, Any, NDArray[Any]]):
         self._engine.native.plan_around(None, weights_of(policy, self.observation))
         self._engine.native.adopt()
 
+    def render(self, indices: Sequence[int] | None = None) -> tuple[NDArray[np.uint8], ...] | None:
+        """A picture of the present moment in every environment, or in those of `indices` alone; drawing takes far longer than a step."""
+        if not draws(self.render_mode, self._begun):
+            return None
+        indices = range(self.num_envs) if indices is None else list(indices)
+        for i in indices:
+            if isinstance(i, bool) or not isinstance(i, (int, np.integer)) or not 0 <= i < self.num_envs:
+                raise ValueError(f"no environment {shown(i)}; expected numbers from 0 to {self.num_envs - 1}")
+        return tuple(self._engine.picture(int(i)) for i in indices)
+
     def episode(self, i: int) -> str | None:
         """The last episode that environment `i` ended, as the text of a file for `evodrive scenes show --episode`; None before
         the first. Needs `keep=True`."""
@@ -185,4 +205,4 @@ class VecEnv(Driven, VectorEnv[Any, Any, NDArray[Any]]):
         self._engine.native.close()
 
     def __repr__(self) -> str:
-        return f"VecEnv({self.num_envs} environments, {self.observation}, {self.threads} threads, {self._engine.autoreset})"
+        return f"VecEnv({self.num_envs} environments, {self._engine.seen.said}, {self.threads} threads, {self._engine.autoreset})"

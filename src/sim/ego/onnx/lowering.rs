@@ -1,6 +1,6 @@
 //! From a node to steps of a graph. Shapes are settled here, and what only moves numbers gives the places that they come from.
 
-use super::wire::{Attribute, COUNT_MAX, Node, Tensor, refused};
+use super::wire::{Attribute, COUNT_MAX, Kind, Node, Tensor, refused};
 use crate::ego::graph::{Cell, Function, Operator, Step};
 use crate::ego::network::Dense;
 use crate::ego::weights_error::WeightsError;
@@ -10,7 +10,7 @@ use crate::kernel::linear::transposed;
 const NUMBERS_MAX: usize = 1 << 24;
 
 /// What is read, with the attributes that each operator may have.
-pub const OPERATORS: [(&str, &[&str]); 31] = [
+pub const OPERATORS: [(&str, &[&str]); 54] = [
     ("Gemm", &["alpha", "beta", "transA", "transB"]),
     ("MatMul", &[]),
     ("Add", &[]),
@@ -27,6 +27,29 @@ pub const OPERATORS: [(&str, &[&str]); 31] = [
     ("Exp", &[]),
     ("Softplus", &[]),
     ("Clip", &["min", "max"]),
+    ("Abs", &[]),
+    ("Neg", &[]),
+    ("Sign", &[]),
+    ("Sqrt", &[]),
+    ("Log", &[]),
+    ("Mish", &[]),
+    ("Celu", &["alpha"]),
+    ("Selu", &["alpha", "gamma"]),
+    ("PRelu", &[]),
+    ("HardSigmoid", &["alpha", "beta"]),
+    ("HardSwish", &[]),
+    ("Max", &[]),
+    ("Min", &[]),
+    ("Greater", &[]),
+    ("GreaterOrEqual", &[]),
+    ("Less", &[]),
+    ("LessOrEqual", &[]),
+    ("Equal", &[]),
+    ("And", &[]),
+    ("Or", &[]),
+    ("Xor", &[]),
+    ("Not", &[]),
+    ("Where", &[]),
     ("Concat", &["axis"]),
     ("Split", &["axis", "split", "num_outputs"]),
     ("Slice", &["starts", "ends", "axes"]),
@@ -49,13 +72,12 @@ pub const OPERATORS: [(&str, &[&str]); 31] = [
 pub struct Value {
     pub shape: Vec<usize>,
     pub cells: Vec<Cell>,
-    /// Of whole numbers, which say shapes and places.
-    is_whole: bool,
+    pub kind: Kind,
 }
 
 impl Value {
-    fn fixed(shape: Vec<usize>, numbers: impl IntoIterator<Item = f32>, is_whole: bool) -> Value {
-        Value { shape, cells: numbers.into_iter().map(Cell::Fixed).collect(), is_whole }
+    fn fixed(shape: Vec<usize>, numbers: impl IntoIterator<Item = f32>, kind: Kind) -> Value {
+        Value { shape, cells: numbers.into_iter().map(Cell::Fixed).collect(), kind }
     }
 
     /// Its numbers, where all stand in the file.
@@ -65,7 +87,7 @@ impl Value {
     }
 
     fn wholes(&self) -> Option<Vec<i64>> {
-        let is_list = self.is_whole && self.cells.len() <= COUNT_MAX;
+        let is_list = self.kind == Kind::Whole && self.cells.len() <= COUNT_MAX;
         self.numbers().filter(|_| is_list).map(|list| list.into_iter().map(|x| x as i64).collect())
     }
 
@@ -109,14 +131,14 @@ impl Lowering {
     pub fn seen(&mut self, shape: Vec<usize>) -> Result<Value, WeightsError> {
         let from = self.row;
         self.row += self.room(&shape)? as u32;
-        Ok(Value { shape, cells: (from..self.row).map(Cell::At).collect(), is_whole: false })
+        Ok(Value { shape, cells: (from..self.row).map(Cell::At).collect(), kind: Kind::Float })
     }
 
     /// A tensor of the file.
     pub fn kept(&mut self, tensor: &Tensor<'_>) -> Result<Value, WeightsError> {
         self.room(&tensor.shape)?;
-        let (numbers, is_whole) = tensor.numbers()?;
-        Ok(Value::fixed(tensor.shape.clone(), numbers, is_whole))
+        let (numbers, kind) = tensor.numbers()?;
+        Ok(Value::fixed(tensor.shape.clone(), numbers, kind))
     }
 
     /// The results of a step, which is taken at once where nothing in it is observed.
@@ -128,7 +150,7 @@ impl Lowering {
         self.room(&shape)?;
         let mut row = Vec::new();
         step.append(&mut row, &mut Vec::new());
-        Ok(Value::fixed(shape, row, false))
+        Ok(Value::fixed(shape, row, Kind::Float))
     }
 
     fn shaped(&mut self, of: &Value, shape: Vec<usize>) -> Result<Option<Value>, WeightsError> {
@@ -145,7 +167,7 @@ impl Lowering {
         let blocks = of.cells.chunks_exact(along * behind);
         let cells =
             blocks.flat_map(|block| places.iter().flat_map(|place| &block[place * behind..(place + 1) * behind]));
-        Ok(Value { shape, cells: cells.copied().collect(), is_whole: of.is_whole })
+        Ok(Value { shape, cells: cells.copied().collect(), kind: of.kind })
     }
 
     /// A table repeated along axes of length 1 and new ones in front; none where it does not fit.
@@ -208,24 +230,54 @@ impl Lowering {
                 };
                 Some(Function::Clip(bound(1, "min", f32::NEG_INFINITY)?, bound(2, "max", f32::INFINITY)?))
             }
+            "Abs" => Some(Function::Abs),
+            "Neg" => Some(Function::Neg),
+            "Sign" => Some(Function::Sign),
+            "Sqrt" => Some(Function::Sqrt),
+            "Log" => Some(Function::Log),
+            "Mish" => Some(Function::Mish),
+            "Celu" => Some(Function::Celu(node.float("alpha", 1.0)?)),
+            "Selu" => Some(Function::Selu(node.float("alpha", 1.673_263_2)?, node.float("gamma", 1.050_701)?)),
+            "HardSigmoid" => Some(Function::HardSigmoid(node.float("alpha", 0.2)?, node.float("beta", 0.5)?)),
+            "HardSwish" => Some(Function::HardSigmoid(1.0 / 6.0, 0.5)),
             _ => None,
         };
-        if function.is_some() && x.is_whole {
-            return Err(node.refused("whole numbers", "f32"));
-        }
         if let Some(function) = function {
+            if x.kind != Kind::Float {
+                return Err(node.refused(format!("numbers of kind {:?}", x.kind), "f32"));
+            }
             if !matches!(node.attribute("approximate")?, None | Some(Attribute::Text("none"))) {
                 return Err(node.refused("an approximation", "approximate=\"none\""));
             }
-            return Ok(vec![self.step(Step::Each(function, x.cells.clone()), x.shape.clone())?]);
+            let result = self.step(Step::Each(function, x.cells.clone()), x.shape.clone())?;
+            return Ok(vec![if node.operator == "HardSwish" {
+                self.pairs(node, Operator::Mul, x, &result)?
+            } else {
+                result
+            }]);
         }
         let operator = match node.operator {
             "Add" => Some(Operator::Add),
             "Sub" => Some(Operator::Sub),
             "Mul" => Some(Operator::Mul),
             "Div" => Some(Operator::Div),
+            "Max" => Some(Operator::Max),
+            "Min" => Some(Operator::Min),
+            "PRelu" => Some(Operator::PRelu),
+            "Greater" => Some(Operator::Greater),
+            "GreaterOrEqual" => Some(Operator::GreaterOrEqual),
+            "Less" => Some(Operator::Less),
+            "LessOrEqual" => Some(Operator::LessOrEqual),
+            "Equal" => Some(Operator::Equal),
+            "And" => Some(Operator::And),
+            "Or" => Some(Operator::Or),
+            "Xor" => Some(Operator::Xor),
             _ => None,
         };
+        if let Some(operator @ (Operator::Max | Operator::Min)) = operator {
+            let mut more = used.iter().skip(1).copied().flatten();
+            return Ok(vec![more.try_fold(x.clone(), |most, of| self.pairs(node, operator, &most, of))?]);
+        }
         if let Some(operator) = operator {
             return Ok(vec![self.pairs(node, operator, x, second()?)?]);
         }
@@ -237,7 +289,7 @@ impl Lowering {
                 let same = |part: &Value, i: usize| i == axis || part.shape[i] == x.shape[i];
                 let alike = |part: &&Value| {
                     let rank = x.shape.len();
-                    part.is_whole == x.is_whole && part.shape.len() == rank && (0..rank).all(|i| same(part, i))
+                    part.kind == x.kind && part.shape.len() == rank && (0..rank).all(|i| same(part, i))
                 };
                 if let Some(odd) = parts.iter().find(|part| !alike(part)) {
                     return Err(misfit(&odd.shape));
@@ -252,7 +304,7 @@ impl Lowering {
                         cells.extend(&part.cells[block * along * behind..][..along * behind]);
                     }
                 }
-                Value { shape, cells, is_whole: x.is_whole }
+                Value { shape, cells, kind: x.kind }
             }
             "Split" => {
                 let axis = axis(0)?;
@@ -330,16 +382,16 @@ impl Lowering {
                             *length = if *length == 1 { *own } else { *length };
                         }
                         let cells = self.spread(x, &shape)?.ok_or_else(|| misfit(&shape))?;
-                        Value { shape, cells, is_whole: x.is_whole }
+                        Value { shape, cells, kind: x.kind }
                     }
                     _ => {
                         let fill = match node.attribute("value")? {
                             Some(Attribute::Tensor(tensor)) => self.kept(&tensor)?,
-                            _ => Value::fixed(vec![], [0.0], false),
+                            _ => Value::fixed(vec![], [0.0], Kind::Float),
                         };
                         let cells =
                             self.spread(&Value { shape: vec![], ..fill }, &shape)?.ok_or_else(|| misfit(&shape))?;
-                        Value { shape, cells, is_whole: fill.is_whole }
+                        Value { shape, cells, kind: fill.kind }
                     }
                 }
             }
@@ -353,7 +405,7 @@ impl Lowering {
                     [1, 0] => {
                         self.room(&x.shape)?;
                         let cells = (0..columns).flat_map(|column| x.cells[column..].iter().step_by(columns).copied());
-                        Value { shape: vec![columns, rows], cells: cells.collect(), is_whole: x.is_whole }
+                        Value { shape: vec![columns, rows], cells: cells.collect(), kind: x.kind }
                     }
                     _ => return Err(node.refused(format!("perm {perm:?}"), "[1, 0]")),
                 }
@@ -377,12 +429,34 @@ impl Lowering {
                 };
                 self.shaped(x, shape.clone())?.ok_or_else(|| misfit(&shape))?
             }
-            "Shape" => Value::fixed(vec![x.shape.len()], x.shape.iter().map(|length| *length as f32), true),
-            "Cast" => match (node.whole("to", 0)?, x.is_whole) {
-                (1, _) => Value { is_whole: false, ..x.clone() },
-                (7, true) => x.clone(),
-                (kind, _) => return Err(node.refused(format!("a cast to kind {kind}"), "f32 (kind 1)")),
+            "Shape" => Value::fixed(vec![x.shape.len()], x.shape.iter().map(|length| *length as f32), Kind::Whole),
+            "Cast" => match (node.whole("to", 0)?, x.kind) {
+                (1, _) => Value { kind: Kind::Float, ..x.clone() },
+                (7, Kind::Whole) => x.clone(),
+                (9, _) => self.truths(Function::Truth, x)?,
+                (kind, _) => {
+                    return Err(node.refused(format!("a cast to kind {kind}"), "f32 (kind 1) or bool (kind 9)"));
+                }
             },
+            "Not" if x.kind == Kind::Truth => self.truths(Function::Not, x)?,
+            "Not" => return Err(node.refused(format!("numbers of kind {:?}", x.kind), "bool")),
+            "Where" => {
+                let (a, b) = (second()?, given(2).ok_or_else(|| node.refused("no third input", "one"))?);
+                if x.kind != Kind::Truth || a.kind != b.kind {
+                    let found = format!("kinds {:?}, {:?} and {:?}", x.kind, a.kind, b.kind);
+                    return Err(node.refused(found, "bool, and two of one kind"));
+                }
+                let (shape, threes) = self.alike(node, [x, a, b])?;
+                // What the file decides is no step: its sides are moved, seen or not.
+                let chosen = |[which, a, b]: &[Cell; 3]| match which {
+                    Cell::Fixed(which) => Some(if *which != 0.0 { *a } else { *b }),
+                    Cell::At(_) => None,
+                };
+                match threes.iter().map(chosen).collect() {
+                    Some(cells) => Value { shape, cells, kind: a.kind },
+                    None => Value { kind: a.kind, ..self.step(Step::Choices(threes), shape)? },
+                }
+            }
             _ => x.clone(),
         };
         Ok(vec![one])
@@ -391,37 +465,71 @@ impl Lowering {
     fn constant(&mut self, node: &Node<'_>) -> Result<Value, WeightsError> {
         let keys = ["value", "value_float", "value_floats", "value_int", "value_ints"];
         let said = keys.iter().find_map(|key| node.attribute(key).transpose()).transpose()?;
-        let (numbers, is_whole) = match said {
+        let (numbers, kind) = match said {
             Some(Attribute::Tensor(tensor)) => return self.kept(&tensor),
-            Some(Attribute::Float(x)) => return Ok(Value::fixed(vec![], [x], false)),
-            Some(Attribute::Whole(x)) => return Ok(Value::fixed(vec![], [x as f32], true)),
-            Some(Attribute::Floats(list)) => (list, false),
-            Some(Attribute::Wholes(list)) => (list.into_iter().map(|x| x as f32).collect(), true),
+            Some(Attribute::Float(x)) => return Ok(Value::fixed(vec![], [x], Kind::Float)),
+            Some(Attribute::Whole(x)) => return Ok(Value::fixed(vec![], [x as f32], Kind::Whole)),
+            Some(Attribute::Floats(list)) => (list, Kind::Float),
+            Some(Attribute::Wholes(list)) => (list.into_iter().map(|x| x as f32).collect(), Kind::Whole),
             _ => return Err(node.refused("no number", "one of the file")),
         };
         self.room(&[numbers.len()])?;
-        Ok(Value::fixed(vec![numbers.len()], numbers, is_whole))
+        Ok(Value::fixed(vec![numbers.len()], numbers, kind))
     }
 
-    /// An operator on two tables, spread to one shape.
-    fn pairs(&mut self, node: &Node<'_>, operator: Operator, x: &Value, y: &Value) -> Result<Value, WeightsError> {
-        let mut shape = if x.shape.len() < y.shape.len() { y.shape.clone() } else { x.shape.clone() };
-        for of in [x, y] {
+    /// A function that says of each number whether something holds.
+    fn truths(&mut self, function: Function, x: &Value) -> Result<Value, WeightsError> {
+        let result = self.step(Step::Each(function, x.cells.clone()), x.shape.clone())?;
+        Ok(Value { kind: Kind::Truth, ..result })
+    }
+
+    /// Tables spread to one shape, side by side.
+    fn alike<const COUNT: usize>(
+        &mut self,
+        node: &Node<'_>,
+        tables: [&Value; COUNT],
+    ) -> Result<(Vec<usize>, Vec<[Cell; COUNT]>), WeightsError> {
+        let rank = tables.iter().map(|of| of.shape.len()).max().unwrap_or(0);
+        let mut shape = vec![1; rank];
+        for of in tables {
             for (length, own) in shape.iter_mut().rev().zip(of.shape.iter().rev()) {
                 *length = (*length).max(*own);
             }
         }
-        let (left, right) = (self.spread(x, &shape)?, self.spread(y, &shape)?);
-        let both = left.zip(right).filter(|_| x.is_whole == y.is_whole);
-        let both = both.ok_or_else(|| {
-            node.refused(format!("shapes {:?} and {:?}", x.shape, y.shape), "two that fit, of one kind")
-        });
-        let (left, right) = both?;
-        let pairs = left.into_iter().zip(right).map(|(left, right)| [left, right]).collect();
+        let mut sides = vec![[Cell::Fixed(0.0); COUNT]; self.room(&shape)?];
+        for (i, of) in tables.into_iter().enumerate() {
+            let cells = self.spread(of, &shape)?;
+            let shapes = || tables.map(|of| format!("{:?}", of.shape)).join(" and ");
+            let cells = cells.ok_or_else(|| node.refused(format!("shapes {}", shapes()), "shapes that fit"))?;
+            sides.iter_mut().zip(cells).for_each(|(side, cell)| side[i] = cell);
+        }
+        Ok((shape, sides))
+    }
+
+    /// An operator on two tables, spread to one shape.
+    fn pairs(&mut self, node: &Node<'_>, operator: Operator, x: &Value, y: &Value) -> Result<Value, WeightsError> {
+        use Operator::{And, Equal, Greater, GreaterOrEqual, Less, LessOrEqual, Or, PRelu, Xor};
+        let compares = matches!(operator, Greater | GreaterOrEqual | Less | LessOrEqual | Equal);
+        let takes = match (operator, x.kind) {
+            (And | Or | Xor, kind) => kind == Kind::Truth,
+            (Equal, _) | (_, Kind::Float) => true,
+            (PRelu, _) | (_, Kind::Truth) => false,
+            (_, Kind::Whole) => true,
+        };
+        if !takes || x.kind != y.kind {
+            return Err(node.refused(format!("kinds {:?} and {:?}", x.kind, y.kind), "two of one kind that it takes"));
+        }
+        let (shape, pairs) = self.alike(node, [x, y])?;
         let result = self.step(Step::Pairs(operator, pairs), shape)?;
         Ok(match result.numbers() {
-            Some(numbers) if x.is_whole => Value::fixed(result.shape, numbers.into_iter().map(f32::trunc), true),
-            _ => result,
+            _ if compares => Value { kind: Kind::Truth, ..result },
+            None if (operator, x.kind) == (Operator::Div, Kind::Whole) => {
+                return Err(node.refused("whole numbers that are observed", "f32, or whole numbers of the file"));
+            }
+            Some(numbers) if x.kind == Kind::Whole => {
+                Value::fixed(result.shape, numbers.into_iter().map(f32::trunc), Kind::Whole)
+            }
+            _ => Value { kind: x.kind, ..result },
         })
     }
 
@@ -438,7 +546,11 @@ impl Lowering {
             return Err(node.refused(format!("a second factor of shape {:?}", matrix.shape), "a matrix of the file"));
         };
         let (inputs, outputs) = if is_turned { (*columns, *rows) } else { (*rows, *columns) };
-        if x.cells.len() != inputs || x.shape.last() != Some(&inputs) || node.whole("transA", 0)? != 0 || x.is_whole {
+        if x.cells.len() != inputs
+            || x.shape.last() != Some(&inputs)
+            || node.whole("transA", 0)? != 0
+            || x.kind != Kind::Float
+        {
             let found = format!("numbers of shape {:?} times {inputs} by {outputs}", x.shape);
             return Err(node.refused(found, format!("one row of {inputs}")));
         }

@@ -214,6 +214,97 @@ fn operators_that_move_spread_and_cut_numbers_do_what_onnx_says() {
     assert_eq!(action, [-0.125 * 0.5, -0.25 * 0.5]);
 }
 
+/// The action of a file whose observation is two numbers `a` and two `b`, and whose nodes end in `c`.
+fn compared(nodes: &[Vec<u8>], tensors: &[Vec<u8>], seen: [f32; 4]) -> [f32; ACTION] {
+    let split = node("Split", "seen -> a b", &[whole("axis", 1)]);
+    let nodes = [&[split], nodes, &[node("Cast", "c -> acted", &[whole("to", 1)])]].concat();
+    Weights::from_bytes(&file(4, &nodes, tensors, None)).unwrap().act(&mut seen.to_vec(), &mut Vec::new())
+}
+
+#[test]
+fn comparisons_and_functions_of_one_and_two_numbers_do_what_onnx_says() {
+    type Of = fn(f32, f32) -> f32;
+    let cases: [(&str, Of); 21] = [
+        ("Greater", |a, b| f32::from(a > b)),
+        ("GreaterOrEqual", |a, b| f32::from(a >= b)),
+        ("Less", |a, b| f32::from(a < b)),
+        ("LessOrEqual", |a, b| f32::from(a <= b)),
+        ("Equal", |a, b| f32::from(a == b)),
+        ("And", |a, b| f32::from(a > 0.0 && b > 0.0)),
+        ("Or", |a, b| f32::from(a > 0.0 || b > 0.0)),
+        ("Xor", |a, b| f32::from((a > 0.0) != (b > 0.0))),
+        ("Max", |a, b| if a > b { a } else { b }),
+        ("Min", |a, b| if a < b { a } else { b }),
+        ("PRelu", |a, b| if a < 0.0 { a * b } else { a }),
+        ("Not", |a, _| f32::from(a <= 0.0)),
+        ("Abs", |a, _| a.abs()),
+        ("Neg", |a, _| -a),
+        ("Sign", |a, _| if a == 0.0 { 0.0 } else { a.signum() }),
+        ("Sqrt", |a, _| if a < 0.0 { 0.0 } else { a.sqrt() }),
+        ("Log", |a, _| if a < 0.0 { 0.0 } else { a.ln().max(-1.0) }),
+        ("Mish", |a, _| a * a.exp().ln_1p().tanh()),
+        ("Celu", |a, _| if a > 0.0 { a } else { a.exp_m1() }),
+        ("HardSigmoid", |a, _| (0.2 * a + 0.5).clamp(0.0, 1.0)),
+        ("HardSwish", |a, _| a * (a / 6.0 + 0.5).clamp(0.0, 1.0)),
+    ];
+    let zero = [floats("zero", &[], &[0.0])];
+    let positive = |name: &str| node("Greater", &format!("{name} zero -> {name}p"), &[]);
+    for (operator, expected) in cases {
+        let nodes = match operator {
+            "And" | "Or" | "Xor" => vec![positive("a"), positive("b"), node(operator, "ap bp -> c", &[])],
+            "Not" => vec![positive("a"), node("Not", "ap -> c", &[])],
+            "Greater" | "GreaterOrEqual" | "Less" | "LessOrEqual" | "Equal" | "Max" | "Min" | "PRelu" => {
+                vec![node(operator, "a b -> c", &[])]
+            }
+            _ => vec![node(operator, "a -> c", &[])],
+        };
+        for seen in [[0.5, 0.25, 0.5, -0.5], [-0.5, -1.0, 0.25, 0.75], [0.0, 0.75, -0.0, 1.0], [-0.25, 0.0, -0.5, 1.0]]
+        {
+            let found = compared(&nodes, &zero, seen);
+            let expected = [expected(seen[0], seen[2]), expected(seen[1], seen[3])];
+            let near = found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-6);
+            assert!(near, "{operator} of {seen:?}: {found:?}, expected {expected:?}");
+        }
+    }
+    let selu = compared(&[node("Selu", "a -> c", &[])], &zero, [-0.5, 0.25, 0.0, 0.0]);
+    assert!((selu[0] + 0.691_758_2).abs() < 1e-6 && (selu[1] - 0.262_675_26).abs() < 1e-6, "{selu:?}");
+    // 0 / 0 is larger than nothing and equal to nothing.
+    let none = [node("Div", "a a -> none", &[]), node("GreaterOrEqual", "none none -> c", &[])];
+    assert_eq!(compared(&none, &zero, [0.0, 1.0, 0.0, 0.0]), [0.0, 1.0]);
+}
+
+#[test]
+fn where_takes_the_second_where_the_first_holds_and_bools_lie_in_files_as_bytes_or_numbers() {
+    let chosen = |cond: &str, more: &[Vec<u8>], tensors: &[Vec<u8>], seen| {
+        compared(&[more, &[node("Where", &format!("{cond} a b -> c"), &[])]].concat(), tensors, seen)
+    };
+    let seen = [0.25, -0.5, 0.75, 1.0];
+    let is_less = [node("Less", "a limit -> less", &[])];
+    let limit = [floats("limit", &[1], &[0.0])];
+    assert_eq!(chosen("less", &is_less, &limit, seen), [0.75, -0.5]);
+    assert_eq!(chosen("less", &is_less, &limit, [-0.25, 0.5, 0.75, 1.0]), [-0.25, 1.0]);
+    let raw = [tensor("mask", 9, &[2], &[1, 0])];
+    assert_eq!(chosen("mask", &[], &raw, seen), [0.25, 1.0]);
+    let listed = [[number(1, 2), number(2, 9), message(8, "mask"), number(5, 0), number(5, 1)].concat()];
+    assert_eq!(chosen("mask", &[], &listed, seen), [0.75, -0.5]);
+    let one = [tensor("mask", 9, &[], &[0])];
+    assert_eq!(chosen("mask", &[], &one, seen), [0.75, 1.0], "spread");
+    // As torch spells `expand(-1, 2)`: lengths of -1 become 1.
+    let expand = [
+        node("Equal", "asked open -> is_open", &[]),
+        node("Where", "is_open ones asked -> lengths", &[]),
+        node("Slice", "a from to axes -> first", &[]),
+        node("Expand", "first lengths -> c", &[]),
+    ];
+    let lists = [("asked", [-1, 2]), ("open", [-1, -1]), ("ones", [1, 1])].map(|(name, of)| wholes(name, &of));
+    let places = [("from", [0]), ("to", [1]), ("axes", [1])].map(|(name, of)| wholes(name, &of));
+    assert_eq!(compared(&expand, &[&lists[..], &places].concat(), seen), [0.25, 0.25]);
+    // A choice between whole numbers that hangs on what is seen is a number like others.
+    let whole = [is_less[0].clone(), node("Where", "less two none -> c", &[])];
+    let whole = compared(&whole, &[limit[0].clone(), wholes("two", &[1, 1]), wholes("none", &[0, 0])], seen);
+    assert_eq!(whole, [0.0, 1.0]);
+}
+
 fn refusal(bytes: &[u8]) -> String {
     Weights::from_bytes(bytes).unwrap_err().to_string()
 }
@@ -234,6 +325,17 @@ fn what_is_not_read_is_refused_by_node_or_place_with_what_to_do() {
         &["acted", "approximat"],
     );
     all(refusal(&one("Tanh", &[float("beta", 2.0)])), &["(Tanh)", "\"beta\""]);
+    all(refusal(&one("Not", &[])), &["(Not)", "kind Float", "bool"]);
+    all(refusal(&one("Cast", &[whole("to", 7)])), &["(Cast)", "kind 7", "bool (kind 9)"]);
+    let two = |operator: &str, words: &str| {
+        let nodes = [node("Gemm", "seen w b -> g", &[]), node("Less", "g b -> less", &[]), node(operator, words, &[])];
+        file(4, &nodes, &[&heads[..], &[floats("three", &[3], &[0.0; 3])]].concat(), None)
+    };
+    all(refusal(&two("Add", "less less -> acted")), &["(Add)", "kinds Truth and Truth"]);
+    all(refusal(&two("And", "less g -> acted")), &["(And)", "kinds Truth and Float"]);
+    all(refusal(&two("Where", "g g g -> acted")), &["(Where)", "kinds Float, Float and Float", "bool"]);
+    all(refusal(&two("Where", "less g three -> acted")), &["(Where)", "[1, 2] and [1, 2] and [3]"]);
+    all(refusal(&two("Identity", "less -> acted")), &["output \"acted\"", "Truth", "steering and pedal"]);
     let gemm = |nodes: &[Vec<u8>], tensors: &[Vec<u8>]| file(4, nodes, tensors, None);
     let straight = [node("Gemm", "seen w b -> acted", &[])];
     all(refusal(&file(5, &straight, &heads, None)), &["input \"seen\"", "[any, 5]", "126 (metadrive-1)", KEY]);

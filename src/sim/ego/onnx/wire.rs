@@ -180,6 +180,28 @@ pub fn property<'a>(message: &'a [u8], key: &str) -> Result<Option<&'a str>, Wei
     Ok(if name(message, 1)? == key { Some(name(message, 2)?) } else { None })
 }
 
+/// What numbers are of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    Float,
+    /// Whole numbers, which say shapes and places.
+    Whole,
+    /// 1 of what holds, 0 of what does not.
+    Truth,
+}
+
+impl Kind {
+    /// The one that a file means by this number.
+    pub fn of(number: u64) -> Option<Kind> {
+        match number {
+            1 => Some(Kind::Float),
+            7 => Some(Kind::Whole),
+            9 => Some(Kind::Truth),
+            _ => None,
+        }
+    }
+}
+
 /// A table of numbers.
 pub struct Tensor<'a> {
     name: &'a str,
@@ -200,7 +222,7 @@ impl<'a> Tensor<'a> {
                 (1, held) => held.wholes(&mut shape)?,
                 (2, held) => tensor.kind = held.number()?,
                 (4, held) => held.floats(&mut tensor.floats)?,
-                (7, held) => held.wholes(&mut tensor.wholes)?,
+                (5 | 7, held) => held.wholes(&mut tensor.wholes)?,
                 (9, held) => tensor.raw = Some(held.bytes()?),
                 (14, held) if held.number()? == 1 => {
                     let whole = "numbers in this file; write it with external_data=False, or again by onnx.save(onnx.load(FILE), FILE)";
@@ -217,23 +239,25 @@ impl<'a> Tensor<'a> {
         format!("tensor {:?}", self.name)
     }
 
-    /// Its numbers, and whether they are whole ones, which say shapes and places.
-    pub fn numbers(&self) -> Result<(Vec<f32>, bool), WeightsError> {
-        let values: Vec<f32> = match (self.kind, self.raw) {
-            (1, Some(raw)) => parts(raw)?.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect(),
-            (1, None) => self.floats.clone(),
-            (7, Some(raw)) => parts(raw)?.iter().map(|bytes| i64::from_le_bytes(*bytes) as f32).collect(),
-            (7, None) => self.wholes.iter().map(|x| *x as f32).collect(),
-            (kind, _) => {
-                let expected = "f32 (kind 1), or i64 (kind 7) of shapes; export a network of float32";
-                return Err(refused(self.place(), format!("numbers of kind {kind}"), expected));
-            }
+    /// Its numbers, and what they are of.
+    pub fn numbers(&self) -> Result<(Vec<f32>, Kind), WeightsError> {
+        let kind = Kind::of(self.kind).ok_or_else(|| {
+            let expected = "f32 (kind 1), i64 (kind 7) of shapes, or bool (kind 9); export a network of float32";
+            refused(self.place(), format!("numbers of kind {}", self.kind), expected)
+        })?;
+        let values: Vec<f32> = match (kind, self.raw) {
+            (Kind::Float, Some(raw)) => parts(raw)?.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect(),
+            (Kind::Float, None) => self.floats.clone(),
+            (Kind::Whole, Some(raw)) => parts(raw)?.iter().map(|bytes| i64::from_le_bytes(*bytes) as f32).collect(),
+            (Kind::Truth, Some(raw)) => raw.iter().map(|byte| f32::from(*byte != 0)).collect(),
+            (Kind::Whole, None) => self.wholes.iter().map(|x| *x as f32).collect(),
+            (Kind::Truth, None) => self.wholes.iter().map(|x| f32::from(*x != 0)).collect(),
         };
         if values.len() != self.shape.iter().product::<usize>() || values.iter().any(|x| x.is_nan()) {
             let found = format!("{} numbers of shape {:?}, or one that is none", values.len(), self.shape);
             return Err(refused(self.place(), found, "as many numbers as its shape has room for"));
         }
-        Ok((values, self.kind == 7))
+        Ok((values, kind))
     }
 }
 

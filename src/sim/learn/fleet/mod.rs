@@ -6,13 +6,15 @@ mod error;
 mod options;
 mod place;
 mod rows;
+mod seeing;
 mod sheets;
 mod state;
 mod tasks;
 
 pub use error::FleetError;
-pub use options::{Autoreset, FleetOptions, Seeing};
+pub use options::{Autoreset, FleetOptions};
 pub use place::Kept;
+pub use seeing::{Frames, Kind, Seeing};
 pub use sheets::{Reports, Sheets};
 pub use state::FleetState;
 pub use tasks::{Task, TaskSet, Tasks};
@@ -91,7 +93,7 @@ impl Fleet {
             Arc::make_mut(&mut fleet.tasks).weights = state.weights;
         }
         let sheet = fleet.sheet;
-        Rows::all(&mut fleet.places, &mut fleet.sheets, sheet).show(options.seeing);
+        Rows::all(&mut fleet.places, &mut fleet.sheets, sheet).show(&options.seeing);
         Ok(fleet)
     }
 

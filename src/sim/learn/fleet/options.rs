@@ -1,10 +1,9 @@
 //! How a fleet drives: its observations, the reward of a step, when a new episode begins, and the data kept.
 
-use crate::ego::{Setting, arrays};
-use crate::sim::View;
-
 use crate::learn::reward::Reward;
 use crate::learn::ride::Keeps;
+
+use super::seeing::Seeing;
 
 /// When a place whose episode ended begins another one, in Gymnasium's terms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,41 +14,6 @@ pub enum Autoreset {
     SameStep,
     /// When a reset asks for it.
     Disabled,
-}
-
-/// Kind of observation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Seeing {
-    /// The numbers of a learned ego's setting.
-    Setting(Setting),
-    /// Arrays of road users, lanes and route, for encoders of one's own ([`arrays`]). Actions are `metadrive-1`'s.
-    Arrays,
-}
-
-impl Seeing {
-    /// Returns the number of values in an observation.
-    pub fn length(self) -> usize {
-        match self {
-            Seeing::Setting(setting) => setting.length(),
-            Seeing::Arrays => arrays::LENGTH,
-        }
-    }
-
-    /// Returns the setting that gives an action its meaning.
-    pub fn setting(self) -> Setting {
-        match self {
-            Seeing::Setting(setting) => setting,
-            Seeing::Arrays => Setting::Metadrive1,
-        }
-    }
-
-    /// Puts the observation in place of what `out` holds.
-    pub fn observe(self, view: &View<'_>, out: &mut Vec<f32>) {
-        match self {
-            Seeing::Setting(setting) => setting.observe(view, out),
-            Seeing::Arrays => arrays::observe(view, out),
-        }
-    }
 }
 
 /// How a fleet drives.

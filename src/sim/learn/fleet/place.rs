@@ -5,7 +5,8 @@ use crate::kernel::Seed;
 use crate::sim::{Contact, Control, End, SimError};
 
 use super::error::FleetError;
-use super::options::{FleetOptions, Seeing};
+use super::options::FleetOptions;
+use super::seeing::{Frames, Seeing};
 use super::tasks::{Task, Tasks};
 use crate::learn::ride::Ride;
 
@@ -24,7 +25,7 @@ pub(super) struct Place {
     /// The last episode that ended, where that is kept.
     pub last: Option<Kept>,
     /// Observations are made here, then copied into their row.
-    pub values: Vec<f32>,
+    frames: Frames,
 }
 
 /// An episode that ended, as it was driven.
@@ -50,7 +51,7 @@ impl Place {
             actions: Vec::new(),
             sum: 0.0,
             last: None,
-            values: Vec::new(),
+            frames: Frames::default(),
         }
     }
 
@@ -79,6 +80,7 @@ impl Place {
         let ride = Ride::new(plant, intervention, options.seeing.setting(), options.keeping())?;
         (self.ride, self.task, self.sum) = (Some(ride), Some((program, task)), 0.0);
         self.actions.clear();
+        self.frames.clear();
         Ok(())
     }
 
@@ -94,6 +96,9 @@ impl Place {
         self.begin_task(program, task, options).map_err(failed)?;
         let mut end = None;
         for action in actions {
+            if options.seeing.stack > 1 {
+                self.see(&options.seeing);
+            }
             (_, end) = self.step(at, *action, options)?;
         }
         Ok(end)
@@ -124,11 +129,15 @@ impl Place {
         Ok((worth, end))
     }
 
+    fn see(&mut self, seeing: &Seeing) -> Option<&[f32]> {
+        Some(self.frames.seen(seeing, &self.ride.as_ref()?.view(), self.actions.len()))
+    }
+
     /// Writes the present observation into a row.
-    pub fn observe(&mut self, seeing: Seeing, row: &mut [f32]) {
-        let Some(ride) = &self.ride else { return };
-        seeing.observe(&ride.view(), &mut self.values);
-        row.copy_from_slice(&self.values);
+    pub fn observe(&mut self, seeing: &Seeing, row: &mut [f32]) {
+        if let Some(values) = self.see(seeing) {
+            row.copy_from_slice(values);
+        }
     }
 
     /// Returns the contact of an episode that ended, assessed where that is asked for.

@@ -7,8 +7,9 @@ use crate::learn::reward::Step;
 use crate::sim::{End, SimError};
 
 use super::error::FleetError;
-use super::options::{Autoreset, FleetOptions, Seeing};
+use super::options::{Autoreset, FleetOptions};
 use super::place::Place;
+use super::seeing::Seeing;
 use super::sheets::Sheets;
 use super::tasks::Tasks;
 
@@ -117,7 +118,7 @@ impl<'r> Rows<'r> {
     }
 
     /// What is seen at every place now, and what goes on there.
-    pub fn show(&mut self, seeing: Seeing) {
+    pub fn show(&mut self, seeing: &Seeing) {
         for row in 0..self.places.len() {
             let at = self.row(row);
             (self.now_scene[row], self.now_program[row]) = self.places[row].numbers();
@@ -140,7 +141,7 @@ impl<'r> Rows<'r> {
                 (self.rewards[row], self.terminated[row], self.truncated[row]) = (0.0, 0, 0);
                 self.report(row, None, options)?;
             }
-            self.places[row].observe(options.seeing, &mut self.observations[at]);
+            self.places[row].observe(&options.seeing, &mut self.observations[at]);
         }
         Ok(())
     }
@@ -186,11 +187,11 @@ impl<'r> Rows<'r> {
                     self.places[row].keep(end);
                 }
                 if options.autoreset == Autoreset::SameStep {
-                    self.places[row].observe(options.seeing, &mut self.final_observations[at.clone()]);
+                    self.places[row].observe(&options.seeing, &mut self.final_observations[at.clone()]);
                     self.begin(row, None, tasks, options)?;
                 }
             }
-            self.places[row].observe(options.seeing, &mut self.observations[at]);
+            self.places[row].observe(&options.seeing, &mut self.observations[at]);
         }
         Ok(ended)
     }
@@ -205,7 +206,7 @@ impl<'r> Rows<'r> {
         self.begin(row, None, tasks, options)?;
         (self.rewards[row], self.terminated[row], self.truncated[row]) = (0.0, 0, 0);
         self.report(row, None, options)?;
-        self.places[row].observe(options.seeing, &mut self.observations[at]);
+        self.places[row].observe(&options.seeing, &mut self.observations[at]);
         Ok(())
     }
 

@@ -141,10 +141,15 @@ impl<'a> Episode<'a> {
     /// Carries one decision out for 0.1 s, and returns the end if the episode ended with it. An episode that is over stays
     /// as it is. A control that is not finite is refused, and nothing moves.
     pub fn step(&mut self, control: Control) -> Result<Option<End>, SimError> {
+        self.recorded(|episode, recorder| episode.advance(control, &mut |_| (), recorder))
+    }
+
+    /// Does something with whoever keeps the motion.
+    pub(super) fn recorded<R>(&mut self, work: impl FnOnce(&mut Episode<'a>, Option<&mut dyn Records>) -> R) -> R {
         let mut motion = self.motion.take();
-        let stepped = self.advance(control, &mut |_| (), motion.as_mut().map(|recorder| &mut **recorder as _));
+        let done = work(self, motion.as_mut().map(|recorder| &mut **recorder as _));
         self.motion = motion;
-        stepped
+        done
     }
 
     pub(super) fn advance(

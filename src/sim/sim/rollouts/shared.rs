@@ -140,6 +140,18 @@ impl SharedScene {
         Ok(SharedScene { episodes, others })
     }
 
+    /// Makes every agent's episode keep everyone's motion: [`Episode::motion`]. To be called before the first step.
+    pub fn keeping_motion(mut self) -> SharedScene {
+        self.episodes = self.episodes.into_iter().map(Episode::keeping_motion).collect();
+        self
+    }
+
+    /// Returns the other agents that an agent's loop began with, and what each is there.
+    pub fn others(&self, agent: usize) -> impl Iterator<Item = (usize, ActorRef)> {
+        let actors = self.episodes[agent].state.world.actors.iter().map(|actor| actor.who);
+        self.others[agent].iter().copied().zip(actors)
+    }
+
     /// Returns the number of agents.
     pub fn agents(&self) -> usize {
         self.episodes.len()
@@ -154,8 +166,7 @@ impl SharedScene {
     pub fn met(&self, agent: usize) -> Option<usize> {
         let episode = &self.episodes[agent];
         let with = episode.contact()?.with;
-        let place = episode.state.world.actors.iter().position(|actor| actor.who == with)?;
-        self.others[agent].get(place).copied()
+        self.others(agent).find(|(_, who)| *who == with).map(|(other, _)| other)
     }
 
     /// Asks every agent that still drives for a decision, by its number and what it sees, and carries all of them out for 0.1 s. A
@@ -178,7 +189,7 @@ impl SharedScene {
         let hits = self.first_contacts(&steps);
         for ((episode, step), hit) in self.episodes.iter_mut().zip(&steps).zip(hits) {
             if let Some(step) = step {
-                episode.conclude(step, hit, &mut |_| (), None);
+                episode.recorded(|episode, recorder| episode.conclude(step, hit, &mut |_| (), recorder));
             }
         }
         self.take_out_ended();

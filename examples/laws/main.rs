@@ -29,6 +29,7 @@ fn patched(family: &Source, operations: &Path) -> Result<Program, Failed> {
         memory_refs_used: vec![],
         cluster_refs_used: vec![],
         repair_summary: None,
+        free: Default::default(),
     };
     let child = SolutionId::new(format!("{lineage}/e0s0"));
     let registry = families::registry();

@@ -117,6 +117,7 @@ fn asked(source: &Source, format: ResponseFormat, fixed_bodies: bool) -> (Reques
         gates: Default::default(),
         unreadable_critic: Default::default(),
         unreadable_patch: Default::default(),
+        tunes: false,
     };
     (prompt::request(&task, &model(format), Role::Actor, 0, &prompt::Subject::None).unwrap(), parent)
 }

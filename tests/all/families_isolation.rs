@@ -22,6 +22,7 @@ fn judged(registry: &Registry, family: &Family, operation: Operation) -> Admissi
         memory_refs_used: vec![],
         cluster_refs_used: vec![],
         repair_summary: None,
+        free: Default::default(),
     };
     let child = SolutionId::new(format!("{lineage}/e1s0"));
     let judging = Judging::whole(&family.contract, registry);

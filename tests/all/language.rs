@@ -44,6 +44,7 @@ fn admitted(family: &Source, operations: Vec<Operation>) -> Admission {
         memory_refs_used: vec![],
         cluster_refs_used: vec![],
         repair_summary: None,
+        free: Default::default(),
     };
     let child = SolutionId::new(format!("{lineage}/e0s0"));
     let registry = registry();

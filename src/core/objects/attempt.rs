@@ -1,6 +1,7 @@
 //! The record of one proposal, however it ended. Sealed once, never changed.
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 use super::{
     ids::{AttemptId, CardId, LineageId, SolutionId},
@@ -43,6 +44,9 @@ pub struct Proposal {
     pub exchanges: Vec<Exchange>,
     /// Round 0 is the actor's patch; later ones are repairs.
     pub rounds: Vec<Round>,
+    /// How the last patch's constants were set, where it left some free.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tuned: Option<Box<Tuned>>,
 }
 
 /// One question to a model and the bytes that came back.
@@ -77,10 +81,56 @@ pub struct Round {
     pub reviews: Vec<Review>,
 }
 
+/// Record of a numeric search over the free constants of a patch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Tuned {
+    /// The patch with the values that were taken.
+    pub patch: ProgramPatch,
+    /// Number of scenes that each look took, smallest first. All are evolution scenes outside the epoch's window.
+    pub scenes: Vec<usize>,
+    /// Settings that were tried, the patch's own first.
+    pub draws: Vec<TunedDraw>,
+    /// Place among them of the one that was taken.
+    pub taken: usize,
+    /// Distinct rollouts behind it, those of the parent included.
+    pub rollouts: usize,
+}
+
+/// One setting of a patch's free constants.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TunedDraw {
+    /// Values by name, in the units of their places.
+    pub values: BTreeMap<String, f64>,
+    /// Attack and realism at each look that it was in; none where a gate refused it.
+    pub looks: Vec<Objectives>,
+}
+
 impl Proposal {
-    /// The last patch that could be parsed.
+    /// The last patch that could be parsed, with its constants as they were set.
     pub fn patch(&self) -> Option<&ProgramPatch> {
-        self.rounds.iter().rev().find_map(|round| round.patch.as_ref())
+        let tuned = self.tuned.as_ref().map(|tuned| &tuned.patch);
+        tuned.or_else(|| self.rounds.iter().rev().find_map(|round| round.patch.as_ref()))
+    }
+}
+
+impl Tuned {
+    /// The search in a sentence.
+    pub fn in_words(&self) -> String {
+        let Tuned { scenes, draws, taken, rollouts, .. } = self;
+        let looks = scenes.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+        let first = draws.first().map(|draw| &draw.values);
+        let values = draws.get(*taken).into_iter().flat_map(|draw| &draw.values).map(|(name, value)| {
+            let start = first.and_then(|first| first.get(name)).filter(|start| *start != value);
+            format!("{name} {}{value}", start.map_or(String::new(), |start| format!("{start} -> ")))
+        });
+        let values = values.collect::<Vec<_>>().join(", ");
+        let refused = draws.iter().filter(|draw| draw.looks.is_empty()).count();
+        let looked = if looks.is_empty() {
+            "none was tried, because the budget of rollouts was too small".to_string()
+        } else {
+            format!("{} settings ({refused} without a label) in {looks} scenes, {rollouts} rollouts", draws.len())
+        };
+        format!("free constants: {looked}; setting {} was taken: {values}", taken + 1)
     }
 }
 
@@ -379,6 +429,35 @@ pub struct Race {
     pub shown: bool,
     /// Each comparison, on the scenes of the one before it and further ones.
     pub looks: Vec<Look>,
+}
+
+/// A later look at a child with a gain that its epoch measured and could not show.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Challenge {
+    /// The child.
+    pub solution: SolutionId,
+    /// Which look it was, from 1; its own epoch's does not count.
+    pub looks: u32,
+    /// What became of it.
+    pub verdict: ChallengeVerdict,
+    /// Comparison with the leader and the front, on all windows so far.
+    pub gates: Box<AcceptanceGates>,
+    /// Its race, where it was to lead and a race was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub race: Option<Race>,
+}
+
+/// What became of a challenger.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ChallengeVerdict {
+    /// Its gain is shown: from now on it is an accepted child.
+    Accepted,
+    /// Its gain is measured still and not shown.
+    Stays,
+    /// Nothing of its gain is left, or its looks are used up.
+    Dropped,
 }
 
 /// One comparison of a race.

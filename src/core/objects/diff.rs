@@ -158,6 +158,7 @@ mod tests {
             memory_refs_used: vec![],
             cluster_refs_used: vec![],
             repair_summary: None,
+            free: Default::default(),
         };
         let touched: Vec<&str> = edit_categories(&patch).into_iter().map(Surface::name).collect();
         assert_eq!(touched, ["parameters", "mechanism_modules"]);

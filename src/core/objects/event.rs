@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use super::{
-    attempt::Attempt,
+    attempt::{Attempt, Challenge},
     benchmark::HeldOutRun,
     card::Card,
     ids::{AttemptId, FamilyName, LineageId, SolutionId},
@@ -211,6 +211,9 @@ pub struct Settled {
     pub world: Digest,
     /// Labels in the world evaluator's calibration set.
     pub world_labels: usize,
+    /// Later looks of this epoch at children of earlier ones, where the archive has challengers.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub challenges: Vec<Challenge>,
     /// One digest over archive, lineage, memory and world.
     pub state: Digest,
 }

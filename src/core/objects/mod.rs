@@ -38,7 +38,7 @@ pub use entry::Entry;
 pub use flow_step::FlowStep;
 pub use ids::{AttemptId, CardId, FamilyName, LineageId, SolutionId};
 pub use origin::{HandOrigin, Origin, RunOrigin};
-pub use patch::{EDITABLE_SURFACE, Operation, OperationKind, ProgramPatch};
+pub use patch::{EDITABLE_SURFACE, FREE_SIGN, FreeConstant, Operation, OperationKind, ProgramPatch};
 pub use pointer::Pointer;
 pub use program::*;
 pub use review::{Advice, Review, Role};

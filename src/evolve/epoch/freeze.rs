@@ -8,6 +8,7 @@ use super::state::State;
 use crate::agents::{AgentError, Briefing, Cluster, Context, Handbook, Numbers, ParentOutcome, Questions, SceneRow};
 use crate::archive::Archive;
 use crate::archive::search::{SearchState, SlotDraw};
+use crate::epoch::acceptance::challengers::looked_at;
 use crate::epoch::acceptance::search;
 use crate::epoch::briefs::counsels::Counsels;
 use crate::epoch::briefs::handbook::handbook;
@@ -20,7 +21,7 @@ use crate::epoch::setting::study::{LineageSpec, Study};
 use crate::kernel::Digest;
 use crate::memory::{Query, retrieve};
 use crate::objects::{
-    AttemptId, Card, HashedProgram, Objectives, Program, Score, SolutionId, WorldSnapshot,
+    AttemptId, Card, Challenge, HashedProgram, Objectives, Program, Score, SolutionId, WorldSnapshot,
     event::{FrontPoint, Frozen, FrozenParent},
 };
 
@@ -48,6 +49,8 @@ pub struct Snapshot<'a> {
     pub conflicts: BTreeMap<String, &'static str>,
     /// Memory of a search method other than the archive's own, after the epoch's parents are drawn.
     pub search: Option<SearchState>,
+    /// Looks at children of earlier epochs that were not accepted, with their programs.
+    pub challenges: Vec<(Challenge, Program)>,
     /// Requests of the lineage's labels on evolution scenes so far, where their number is bounded.
     pub spent: BTreeSet<Digest>,
 }
@@ -114,6 +117,8 @@ pub fn freeze<'a>(
     let fresh: BTreeMap<SolutionId, Objectives> =
         standing.iter().map(|(solution, labels)| (solution.clone(), labels.so_far.objectives)).collect();
     archive.relabel(&fresh, study.scenes_digest(&so_far)?)?;
+    let looks = [window.as_slice(), so_far.as_slice()];
+    let challenges = looked_at(&labelling, state, &leaders[0], looks, &mut archive, &mut standing)?;
     let spent = search::spent(study, state, spec, &standing);
     let leaders = with_portfolio(study, state, spec, leaders, &archive, &standing, epoch)?;
     let scene_tags = study.telling_tags(&window);
@@ -150,6 +155,7 @@ pub fn freeze<'a>(
         scene_tags,
         conflicts,
         search,
+        challenges,
         spent,
     })
 }
@@ -179,7 +185,15 @@ fn with_portfolio(
     let acts = |solution: &&SolutionId| standing.get(*solution).is_some_and(|labels| labels.window.coverage > 0.0);
     let others = archive.front().map(|entry| &entry.solution).filter(|solution| !leaders.contains(solution));
     let others: Vec<SolutionId> = others.filter(acts).cloned().collect();
-    let turn = others.get(epoch as usize % others.len().max(1)).cloned();
+    let attack = |solution: &SolutionId| standing.get(solution).map_or(0.0, |labels| labels.so_far.objectives.attack);
+    // Where good ideas are followed up, the front's best in attack has every second turn: slots that edit weaker programs regain first
+    // what it has.
+    let best = others.iter().reduce(|best, next| if attack(next) > attack(best) { next } else { best });
+    let strongest = best.filter(|best| study.archive.challengers > 0 && attack(best) > attack(&leaders[0]));
+    let turn = match strongest {
+        Some(best) if epoch.is_multiple_of(2) => Some(best.clone()),
+        _ => others.get(epoch as usize % others.len().max(1)).cloned(),
+    };
     Ok(leaders.into_iter().chain(turn).collect())
 }
 

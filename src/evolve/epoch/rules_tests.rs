@@ -1,6 +1,6 @@
 //! Rules of ours that the paper does not have: each one that is switched changes what a run comes to.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::{Value, json};
 
@@ -8,7 +8,10 @@ use super::tests::{Ran, carried_out, experiment};
 use crate::archive::PromotionRule;
 use crate::evaluation::{EvaluationOptions, MetadriveOptions};
 use crate::experiment::Experiment;
-use crate::objects::{Exit, FrontOf, GatesAsked, JudgedOn, PairOptions, RealismMean, Route, Taking, WorldModel};
+use crate::objects::{
+    ChallengeVerdict, Exit, FrontOf, GatesAsked, JudgedOn, PairOptions, RealismMean, Route, SolutionId, Taking,
+    WorldModel,
+};
 
 /// Returns the outcome of every proposal, who leads, who is on the front and which cards were shown, but nothing of the questions' wording.
 fn came_of(ran: &Ran) -> Value {
@@ -89,4 +92,37 @@ fn the_evaluator_of_pairs_decides_who_is_simulated_by_value_and_uncertainty() {
     // Without the table nobody is told so.
     let routes = ours.attempts.iter().filter_map(|attempt| attempt.exit.route());
     assert!(routes.into_iter().all(|route| !by_value[..2].iter().any(|of| words(route).contains(of))));
+}
+
+#[test]
+fn whoever_had_a_gain_that_was_not_shown_is_measured_on_until_it_is_or_nothing_is_left() {
+    let mut challenged = experiment(PromotionRule::LargestHypervolumeGain, 1);
+    (challenged.split.window, challenged.archive.level) = (4, 0.99);
+    (challenged.budget.epochs, challenged.budget.slots) = (4, 12);
+    challenged.world.routing.rollout_budget = 12;
+    assert!(carried_out(&challenged).settled.iter().all(|settled| settled.challenges.is_empty()));
+    challenged.archive.challengers = 4;
+    let ran = carried_out(&challenged);
+    let own = |solution: &SolutionId| {
+        ran.attempts.iter().find(|of| of.exit.candidate().is_some_and(|child| child.program.solution_id == *solution))
+    };
+    let mut seen: BTreeMap<&SolutionId, (u32, ChallengeVerdict)> = BTreeMap::new();
+    for settled in &ran.settled {
+        assert!(settled.challenges.len() <= 4);
+        for challenge in &settled.challenges {
+            let attempt = own(&challenge.solution).unwrap();
+            let gates = &attempt.exit.decision().unwrap().gates;
+            assert!(attempt.epoch < settled.epoch && !gates.any() && gates.coverage.holds);
+            assert!(challenge.gates.scenes > gates.scenes, "later looks are on more scenes");
+            // Nobody is looked at again whose course is over, and nobody is forgotten between two looks.
+            let before = seen.insert(&challenge.solution, (challenge.looks, challenge.verdict));
+            let (looks, verdict) = before.unwrap_or((0, ChallengeVerdict::Stays));
+            assert_eq!((challenge.looks, verdict), (looks + 1, ChallengeVerdict::Stays));
+            let on_front = settled.front.iter().any(|of| of.solution == challenge.solution);
+            assert_eq!(challenge.gates.any(), challenge.verdict == ChallengeVerdict::Accepted);
+            assert!(challenge.verdict == ChallengeVerdict::Accepted || !on_front);
+        }
+    }
+    let ended = seen.values().filter(|(_, last)| *last != ChallengeVerdict::Stays).count();
+    assert!(seen.len() > 2 && ended > 0, "{seen:?}");
 }

@@ -19,6 +19,7 @@ use crate::epoch::slots::evaluate::{evaluate, evaluate_ahead};
 use crate::epoch::slots::pilot::pilot;
 use crate::epoch::slots::propose::propose;
 use crate::epoch::slots::route::{allot, predict};
+use crate::epoch::slots::tune::tune;
 use crate::objects::event::{RunResult, kind};
 use crate::world::Router;
 
@@ -99,6 +100,7 @@ pub fn judge<'s>(
         let proposed = propose(study, &snapshot, slot, tools)?;
         // "p'_t <- ApplyPatch(p_t, delta_t)", ValidateProgram, "c_t <- CompileCandidate(p'_t)".
         let admitted = admit(study, &snapshot, proposed, tools)?;
+        let admitted = tune(study, &snapshot, admitted, tools)?;
         // "W_phi(c_t, S_t)".
         predict(study, &snapshot, &router, admitted, tools)
     });

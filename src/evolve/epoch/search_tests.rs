@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::Without;
 use super::tests::{Ran, carried_out, experiment, three_families};
 use crate::archive::openevolve::OpenEvolveOptions;
-use crate::archive::search::{Method, SearchOptions};
+use crate::archive::search::{Method, SearchOptions, TuningOptions};
 use crate::archive::{Contender, PromotionRule, SelectorOptions, select_active};
 use crate::experiment::Experiment;
 use crate::kernel::Digest;
@@ -40,6 +40,7 @@ fn searching(method: Method) -> Experiment {
         attack_weight: Some(0.5).filter(|_| matches!(method, Method::OpenEvolve | Method::HillClimbing)),
         population: Some(3).filter(|_| method == Method::Nsga2),
         edits_max: Some(3).filter(|_| method.draws_patches()),
+        tuning: None,
         openevolve: Some(openevolve).filter(|_| method == Method::OpenEvolve),
     });
     experiment
@@ -106,6 +107,7 @@ fn a_declared_method_of_the_archives_own_changes_nothing() {
         attack_weight: None,
         population: None,
         edits_max: None,
+        tuning: None,
         openevolve: None,
     });
     plain.without = Some(Without::default());
@@ -154,6 +156,71 @@ fn random_proposals_ask_nobody_and_may_lead() {
         assert_eq!(attempt.parent, *parent, "{}", attempt.id);
         assert!(attempt.exit.decision().is_none_or(|decision| decision.gates.method.is_none()), "the gates decide");
     }
+}
+
+#[test]
+fn numbers_are_set_by_search_and_the_best_of_the_last_look_is_taken() {
+    let mut experiment = searching(Method::Numbers);
+    let search = experiment.search.as_mut().unwrap();
+    (search.rollouts, search.tuning) = (None, Some(TuningOptions { draws: 6, scenes: 2 }));
+    (experiment.split.window, experiment.budget.epochs) = (2, 2);
+    let ran = carried_out(&experiment);
+    assert!(roles(&ran).is_empty());
+    let (mut tried, mut moved) = (0, 0);
+    for attempt in &ran.attempts {
+        let Some(tuned) = &attempt.proposal.tuned else { continue };
+        let open = attempt.proposal.rounds[0].patch.as_ref().unwrap();
+        let taken = &tuned.draws[tuned.taken];
+        assert_eq!(tuned.patch, open.bound(&taken.values), "{}", attempt.id);
+        assert_eq!(tuned.draws[0].values, open.free.iter().map(|(name, free)| (name.clone(), free.start)).collect());
+        assert_eq!(attempt.proposal.patch(), Some(&tuned.patch));
+        assert_eq!(attempt.exit.candidate().unwrap().patch_hash, tuned.patch.hash().unwrap());
+        // Looks double, and whoever was taken was best in the longest.
+        assert!(tuned.scenes.starts_with(&[2, 4]), "{:?}", tuned.scenes);
+        let longest = tuned.draws.iter().map(|draw| draw.looks.len()).max().unwrap();
+        assert_eq!(taken.looks.len(), longest);
+        let last = tuned.draws.iter().filter(|draw| draw.looks.len() == longest).filter_map(|draw| draw.looks.last());
+        let best = taken.looks.last().unwrap();
+        let beats = |of: &Objectives| of.realism >= 0.95 && (best.realism < 0.95 || of.attack > best.attack);
+        assert!(best.realism >= 0.95 || !last.into_iter().any(beats), "{tuned:?}");
+        tried += 1;
+        moved += usize::from(tuned.taken > 0);
+    }
+    assert!(tried > 3 && moved > 0, "{tried} searches, {moved} of them took another setting than the first");
+}
+
+#[test]
+fn rollouts_that_set_numbers_are_part_of_the_budget() {
+    let allowed = 2 * ROLLOUTS;
+    let with = |method, tuning| {
+        let mut experiment = searching(method);
+        let search = experiment.search.as_mut().unwrap();
+        (search.rollouts, search.tuning) = (Some(allowed), tuning);
+        carried_out(&experiment)
+    };
+    let ran = with(Method::Numbers, Some(TuningOptions { draws: 4, scenes: 2 }));
+    let tuning: usize = ran.attempts.iter().filter_map(|of| of.proposal.tuned.as_ref()).map(|of| of.rollouts).sum();
+    assert!(tuning > 0, "no search was paid for");
+    assert!(rollouts(&ran) <= allowed);
+    let alone = with(Method::RandomProposals, None);
+    let labelled = |ran: &Ran| ran.attempts.iter().filter(|of| of.exit.score().is_some()).count();
+    assert!(labelled(&ran) < labelled(&alone), "{} {}", labelled(&ran), labelled(&alone));
+}
+
+#[test]
+fn the_stand_in_leaves_numbers_free_where_a_search_sets_them_and_nowhere_else() {
+    let open = |ran: &Ran| {
+        let patches = ran.attempts.iter().flat_map(|of| &of.proposal.rounds).filter_map(|round| round.patch.as_ref());
+        patches.filter(|patch| !patch.free.is_empty()).count()
+    };
+    let mut tuned = experiment(PromotionRule::LargestHypervolumeGain, 1);
+    assert_eq!(open(&carried_out(&tuned)), 0);
+    let tuning = Some(TuningOptions { draws: 4, scenes: 2 });
+    let search = searching(Method::Pareto).search.unwrap();
+    tuned.search = Some(SearchOptions { rollouts: None, tuning, ..search });
+    let ran = carried_out(&tuned);
+    assert!(open(&ran) > 0);
+    assert!(ran.attempts.iter().any(|of| of.proposal.tuned.is_some()), "no number was set");
 }
 
 #[test]

@@ -981,6 +981,13 @@ fn acceptance() -> Vec<Key> {
                 "Whether every third slot edits another member of the front than the leader; true without it.",
             ),
             (
+                "archive.challengers",
+                "",
+                "programs",
+                Whole(0, 64),
+                "Most children that later epochs measure on, whose gain was measured and not shown; 0 without it.",
+            ),
+            (
                 "archive.parent_counts",
                 "",
                 "",
@@ -1245,9 +1252,22 @@ fn search() -> Vec<Key> {
             "",
             "",
             Word(|| Method::ALL.map(|method| method.name().to_string()).to_vec()),
-            "Who decides what is kept and edited; `pareto` is the archive's own, as without this table. `random_proposals` and `shuffled_labels` are null searches: the archive's own with random patches, or with another candidate's labels.",
+            "Who decides what is kept and edited; `pareto` is the archive's own, as without this table. `random_proposals` and `shuffled_labels` are null searches: the archive's own with random patches, or with another candidate's labels; `numbers` is the control of `search.tuning`.",
         )],
     );
+    keys.extend(table(
+        || With("search.tuning"),
+        vec![
+            ("search.tuning.draws", "", "settings", Whole(2, 256), "Settings of a patch's free constants that are tried."),
+            (
+                "search.tuning.scenes",
+                "",
+                "scenes",
+                Whole(1, 10_000),
+                "Scenes outside the window in which all settings are labelled; the better half goes on to twice as many.",
+            ),
+        ],
+    ));
     keys.extend(table(
         || Of("search.method", ONE_SCORE),
         vec![("search.attack_weight", "w", "", SHARE, "The one score is w A + (1 - w) R.")],
@@ -1257,7 +1277,7 @@ fn search() -> Vec<Key> {
         vec![("search.population", "", "programs", Whole(2, 1000), "Most members of the population.")],
     ));
     keys.extend(table(
-        || Of("search.method", &["random", "random_proposals"]),
+        || Of("search.method", &["random", "random_proposals", "numbers"]),
         vec![("search.edits_max", "", "edits", Whole(1, 8), "Most edits of a random patch.")],
     ));
     keys.extend(table(|| Of("search.method", &["openevolve"]), openevolve()));

@@ -117,6 +117,9 @@ fn rounds(out: &mut String, attempt: &Attempt) {
             }
         }
     }
+    if let Some(tuned) = &attempt.proposal.tuned {
+        let _ = writeln!(out, "\n{}", tuned.in_words());
+    }
 }
 
 fn gate_report(out: &mut String, gates: &GateReport) {

@@ -407,6 +407,9 @@ fn proposed(out: &mut String, attempt: &Attempt, places: &Places) {
             let _ = writeln!(out, "  review of round {round} by {}: {decision}{blockers}", review.role.name());
         }
     }
+    if let Some(tuned) = &attempt.proposal.tuned {
+        let _ = writeln!(out, "  {}", tuned.in_words());
+    }
     for asked in &attempt.proposal.exchanges {
         let place = places
             .lines

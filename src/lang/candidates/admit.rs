@@ -1,7 +1,7 @@
 //! V_app: the seven gates over one proposal (paper eq. app-validation-gates), and an eighth that turns away a child which
 //! does what its parent does. All run, all are recorded, and one failure is enough.
 
-use super::{ApplyError, apply, bodies, interface, isolation, parent as parent_gate, protected, schema};
+use super::{ApplyError, apply, bodies, free_ranges, interface, isolation, parent as parent_gate, protected, schema};
 use crate::{
     adapters::{Contract, Problem, Registry},
     kernel::Digest,
@@ -66,7 +66,11 @@ pub fn admit(
     compiles: &Compiles<'_>,
 ) -> Admission {
     let Judging { contract, registry, ref skipped, ref closed, fixed_bodies } = *judging;
-    let about_patch = texts(&schema::check_patch(patch));
+    // Free constants are judged at their first value: a search sets them where that passes.
+    let free =
+        if patch.free.is_empty() { Vec::new() } else { free_ranges(parent, patch, contract).err().unwrap_or_default() };
+    let patch = &patch.at_start();
+    let about_patch = texts(&[free, schema::check_patch(patch)].concat());
     let parent_hash = parent.hash();
     let applied = match &parent_hash {
         _ if !about_patch.is_empty() => Err(ApplyError::Refused),

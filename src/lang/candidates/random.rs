@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use crate::adapters::{Contract, Domain, OperatorSpec};
 use crate::kernel::{Digest, Stream, num};
 use crate::objects::{
-    Operation, OperationKind, OperatorNode, ParameterValue, Program, ProgramPatch, Setting, ValueType, pointer::within,
+    FREE_SIGN, FreeConstant, Operation, OperationKind, OperatorNode, ParameterValue, Program, ProgramPatch, Setting,
+    ValueType, pointer::within,
 };
 
 /// Decimals of a drawn number.
@@ -23,6 +24,8 @@ pub struct Places<'a> {
     pub values: &'a BTreeMap<&'static str, Vec<f64>>,
     /// Parts of a program that are closed in this run.
     pub closed: &'a [&'static str],
+    /// True if numbers alone are edited. The patch then leaves them free, with the drawn value as the start.
+    pub numbers: bool,
 }
 
 /// Draws a patch of 1 to `edits_max` edits at different places, all equally likely: a parameter's value, a literal setting of a node, a
@@ -35,6 +38,7 @@ pub fn random_patch(
     stream: &mut Stream,
 ) -> ProgramPatch {
     let mut edits = edits(parent, places);
+    edits.retain(|edit| !places.numbers || is_number(parent, places.contract, edit));
     let wanted = 1 + stream.below(edits_max.max(1));
     let mut operations = Vec::new();
     while operations.len() < wanted && !edits.is_empty() {
@@ -44,6 +48,7 @@ pub fn random_patch(
             operations.push(operation);
         }
     }
+    let free = if places.numbers { leave_free(&mut operations) } else { BTreeMap::new() };
     ProgramPatch {
         source_baseline: parent.source_family.clone(),
         parent_solution_id: parent.solution_id.clone(),
@@ -53,6 +58,32 @@ pub fn random_patch(
         memory_refs_used: Vec::new(),
         cluster_refs_used: Vec::new(),
         repair_summary: None,
+        free,
+    }
+}
+
+/// Puts free constants in the place of numbers that are a whole value.
+fn leave_free(operations: &mut [Operation]) -> BTreeMap<String, FreeConstant> {
+    let mut free = BTreeMap::new();
+    for value in operations.iter_mut().filter_map(|operation| operation.value.as_mut()) {
+        if let Some(start) = value.as_f64() {
+            let name = format!("n{}", free.len());
+            *value = json!(format!("{FREE_SIGN}{name}"));
+            free.insert(name, FreeConstant { start, low: None, high: None });
+        }
+    }
+    free
+}
+
+/// Returns `true` if an edit puts one number in the place of another.
+fn is_number(parent: &Program, contract: &Contract, edit: &Edit<'_>) -> bool {
+    match edit {
+        Edit::Parameter(name) => {
+            let domain = contract.parameters.get(*name).map(|parameter| &parameter.domain);
+            matches!(domain, Some(Domain::Number { .. } | Domain::Integer { .. }))
+        }
+        Edit::Setting(node, setting) => matches!(parent.operator_graph[*node].settings[*setting], Setting::Number(_)),
+        Edit::Kind(..) | Edit::Rule => false,
     }
 }
 
@@ -187,7 +218,7 @@ mod tests {
     /// The places of a program's edits as text.
     fn places(program: &Program, contract: &Contract, closed: &[&'static str]) -> Vec<String> {
         let values = values(contract);
-        let places = Places { contract, values: &values, closed };
+        let places = Places { contract, values: &values, closed, numbers: false };
         let text = |edit: Edit<'_>| match edit {
             Edit::Parameter(name) => name.to_string(),
             Edit::Setting(node, setting) => format!("{node}.{setting}"),
@@ -257,6 +288,25 @@ mod tests {
     }
 
     #[test]
+    fn of_numbers_alone_all_are_left_free_within_the_contract() {
+        let (contract, program) = (toy::contract(), toy::program());
+        let values = values(&contract);
+        let places = Places { contract: &contract, values: &values, closed: &[], numbers: true };
+        let mut stream = stream();
+        let mut seen = BTreeSet::new();
+        for _ in 0..40 {
+            let patch = random_patch(&program, program.hash().unwrap(), &places, 3, &mut stream);
+            assert!(!patch.operations.is_empty() && patch.free.len() == patch.operations.len(), "{patch:?}");
+            let ranges = super::super::free_ranges(&program, &patch, &contract).unwrap();
+            assert!(ranges.values().all(|range| (range.low..=range.high).contains(&range.start)));
+            seen.extend(patch.operations.into_iter().map(|operation| operation.path));
+        }
+        let expected = ["/operator_graph/filter/settings/gap_m_min", "/parameters/duration_s"];
+        assert!(expected.iter().all(|path| seen.contains(*path)), "{seen:?}");
+        assert!(!seen.iter().any(|path| path.contains("style") || path.contains("combine")), "words are no numbers");
+    }
+
+    #[test]
     fn edits_are_apart_unless_one_stands_at_or_within_the_place_of_another() {
         let at = |op, path: &str| Operation { op, path: path.into(), value: None };
         let replace = |path| at(OperationKind::Replace, path);
@@ -307,7 +357,7 @@ mod tests {
     fn a_condition_compares_a_feature_with_a_value_that_some_scene_has() {
         let contract = toy::contract();
         let values = values(&contract);
-        let places = Places { contract: &contract, values: &values, closed: &[] };
+        let places = Places { contract: &contract, values: &values, closed: &[], numbers: false };
         let mut stream = stream();
         let found: BTreeSet<String> = (0..4000).filter_map(|_| condition(&places, &mut stream)).collect();
         let wanted = contract.scene_features.iter().flat_map(|feature| match feature.value {
@@ -324,7 +374,7 @@ mod tests {
     fn a_patch_has_one_to_the_most_edits_each_of_them_an_other_value_at_a_place_of_its_own() {
         let (contract, parent) = (toy::contract(), toy::program());
         let values = values(&contract);
-        let places = Places { contract: &contract, values: &values, closed: &[] };
+        let places = Places { contract: &contract, values: &values, closed: &[], numbers: false };
         let (mut counts, mut kinds) = (BTreeSet::new(), BTreeSet::new());
         let mut stream = stream();
         let whole = serde_json::to_value(&parent).unwrap();

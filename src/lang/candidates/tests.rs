@@ -36,6 +36,7 @@ pub(super) fn patch(operations: Vec<Operation>) -> ProgramPatch {
         memory_refs_used: vec![],
         cluster_refs_used: vec![],
         repair_summary: None,
+        free: Default::default(),
     }
 }
 

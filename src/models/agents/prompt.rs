@@ -41,6 +41,13 @@ const PARENTS: &str = "the parent's";
 /// Most bytes of an unreadable reply that a repair sees.
 const UNREADABLE_MAX_CHARS: usize = 6_000;
 
+/// What agents are told of free constants, where a run has a numeric search that sets them.
+const FREE_CONSTANTS: &str = "A number that nobody can know beforehand may be left to a numeric search: `$name` stands in its place, as a \
+    whole value or within an expression, and `free` says of the name its `start`, `low` and `high` in the unit of the place (of a whole \
+    value of a parameter or a setting, `low` and `high` may be left out). At most 8; none is fine: `free` is then {}. Gates and critics \
+    judge the patch at `start`. Then several settings are simulated in scenes outside the window, and the best one becomes the child. So \
+    leave thresholds and times free, and choose the structure: which mechanism, which condition, which quantity.";
+
 fn role_template(role: Role) -> &'static str {
     match role {
         Role::Actor => "actor.md",
@@ -287,7 +294,8 @@ pub fn request(
 ) -> Result<Request, PromptError> {
     let lineage = task.briefing.lineage.clone();
     let slot = DrawSlot { lineage, epoch: task.briefing.epoch, slot: task.slot, role: role.name().into(), round };
-    let Instructions { text, schema } = instructions(role, task.briefing.questions)?.clone();
+    let Instructions { text, schema, schema_with_free } = instructions(role, task.briefing.questions)?.clone();
+    let schema = if task.tunes { schema_with_free } else { schema };
     let messages = vec![
         Message { role: "system".into(), text: task.briefing.handbook.clone() },
         Message { role: "user".into(), text: task.briefing.text.clone() },
@@ -328,7 +336,7 @@ impl Aside<'_> {
     pub fn request(&self, asked: &[(&str, &str)], blocks: Vec<(&str, Value)>) -> Result<Request, PromptError> {
         let (lineage, role) = (self.lineage.to_string(), self.role.name().to_string());
         let slot = DrawSlot { lineage, epoch: self.epoch, slot: self.slot, role, round: self.round };
-        let Instructions { text: system, schema } = instructions(self.role, Questions::Plain)?.clone();
+        let Instructions { text: system, schema, .. } = instructions(self.role, Questions::Plain)?.clone();
         let mut task = json!({"response_id": response_id(&slot)});
         asked.iter().for_each(|(name, value)| task[*name] = (*value).into());
         let block = |(title, value): (&str, Value)| json!({"title": title, "json": stable_json(&value)});
@@ -364,6 +372,8 @@ pub struct Instructions {
     pub text: Text,
     /// Schema that its reply must satisfy.
     pub schema: Schema,
+    /// The same where patches may leave constants free.
+    pub schema_with_free: Schema,
 }
 
 /// The instructions of a role, written out once.
@@ -386,8 +396,10 @@ fn instruct(role: Role, compact: bool) -> Result<Instructions, PromptError> {
     let schema = reply::schema(role);
     let values = json!({"form": reply_form::form(&schema, &BTreeMap::new()), "role": role.name()});
     let text = fill(name, &values)?.into();
-    let schema = Schema::new(schema).map_err(|error| PromptError { template: name, reason: error.to_string() })?;
-    Ok(Instructions { text, schema })
+    let written = |schema| {
+        Schema::new(schema).map_err(|error: CanonError| PromptError { template: name, reason: error.to_string() })
+    };
+    Ok(Instructions { text, schema: written(schema)?, schema_with_free: written(reply::schema_with_free(role))? })
 }
 
 fn question(task: &Task<'_>, role: Role, slot: &DrawSlot, subject: &Subject<'_>) -> Result<String, PromptError> {
@@ -415,10 +427,13 @@ fn question(task: &Task<'_>, role: Role, slot: &DrawSlot, subject: &Subject<'_>)
         ],
         Subject::Unreadable { reply, refusal } => vec![unreadable(reply, refusal)],
     };
+    let free = task.tunes.then(|| block("Free constants", &stable_json(&json!(FREE_CONSTANTS))));
+    let blocks: Vec<Value> = blocks.into_iter().chain(free).collect();
     let mut known = task.briefing.repeats.clone();
     known.insert("response_id", response_id(slot));
     known.insert("role", role.name().into());
-    task_text(template, slot, asked, &blocks, Some(&reply_form::form(&reply::schema(role), &known)))
+    let schema = if task.tunes { reply::schema_with_free(role) } else { reply::schema(role) };
+    task_text(template, slot, asked, &blocks, Some(&reply_form::form(&schema, &known)))
 }
 
 /// `kind: text`, and the instruction below.

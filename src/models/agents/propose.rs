@@ -105,7 +105,9 @@ pub fn propose<E: From<AgentError>>(task: &Task<'_>, ask: &dyn Ask, check: &Chec
         };
         match next {
             Ok(repaired) => draft = repaired,
-            Err(end) => return Ok(Proposed { proposal: Proposal { exchanges: talk.exchanges, rounds }, end }),
+            Err(end) => {
+                return Ok(Proposed { proposal: Proposal { exchanges: talk.exchanges, rounds, tuned: None }, end });
+            }
         }
     }
     unreachable!("the last round always has an end")
@@ -158,8 +160,10 @@ impl Talk<'_> {
         subject: &Subject<'_>,
         check: &Check<'_, E>,
     ) -> Result<Draft, E> {
-        let judge = Judged { model: model_of(self.task.models, role)?, role, check, failed: RefCell::new(None) };
-        let answered = self.exchange(role, round, subject, Some(&judge), |bytes| reply::patch(bytes, role));
+        let model = model_of(self.task.models, role)?;
+        let judge = Judged { model, role, tunes: self.task.tunes, check, failed: RefCell::new(None) };
+        let tunes = self.task.tunes;
+        let answered = self.exchange(role, round, subject, Some(&judge), |bytes| readable(bytes, role, tunes));
         if let Some(error) = judge.failed.into_inner() {
             return Err(error);
         }
@@ -241,6 +245,7 @@ impl Talk<'_> {
 struct Judged<'a, E> {
     model: &'a ModelSpec,
     role: Role,
+    tunes: bool,
     check: &'a Check<'a, E>,
     /// Why the gates could not be asked: it ends the loop once the question is answered.
     failed: RefCell<Option<E>>,
@@ -249,7 +254,7 @@ struct Judged<'a, E> {
 impl<E> DraftJudge for Judged<'_, E> {
     fn tried(&self, draft: &[u8]) -> Tried {
         let refused = |says: String| Tried { passes: false, says };
-        let patch = match reply::patch(self.model.opened(draft).0, self.role) {
+        let patch = match readable(self.model.opened(draft).0, self.role, self.tunes) {
             Err(refusal) => return refused(format!("it cannot be read: {refusal}")),
             Ok(patch) => patch,
         };
@@ -261,6 +266,17 @@ impl<E> DraftJudge for Judged<'_, E> {
             }
         }
     }
+}
+
+/// The patch of a reply. Where no numeric search sets constants a patch may leave none free.
+fn readable(bytes: &[u8], role: Role, tunes: bool) -> Result<ProgramPatch, Refusal> {
+    let patch = reply::patch(bytes, role)?;
+    if !tunes && !patch.free.is_empty() {
+        return Err(Refusal(
+            "departs from the reply schema: unknown field `free`; this run sets no free constants".into(),
+        ));
+    }
+    Ok(patch)
 }
 
 fn model_of(models: &BTreeMap<Role, ModelSpec>, role: Role) -> Result<&ModelSpec, AgentError> {

@@ -7,7 +7,8 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::objects::{
-    Advice, Composition, FamilyName, Operation, OperationKind, ProgramPatch, Review, Role, SolutionId, WorldPatch,
+    Advice, Composition, FamilyName, FreeConstant, Operation, OperationKind, ProgramPatch, Review, Role, SolutionId,
+    WorldPatch,
 };
 
 const ACTOR_SCHEMA: &str = include_str!("schemas/actor.json");
@@ -48,6 +49,24 @@ pub fn schema(role: Role) -> Value {
     schema
 }
 
+/// The same of a run in which patches may leave constants free.
+pub fn schema_with_free(role: Role) -> Value {
+    let mut schema = schema(role);
+    if let (Role::Actor | Role::Repair, Some(properties)) =
+        (role, schema.pointer_mut("/properties/program_patch/properties"))
+    {
+        let number = json!({"type": "number"});
+        let constant = json!({
+            "type": "object",
+            "additionalProperties": false,
+            "required": ["start"],
+            "properties": {"start": number, "low": number, "high": number},
+        });
+        properties["free"] = json!({"type": "object", "additionalProperties": constant});
+    }
+    schema
+}
+
 /// The patch of an actor or of a repair.
 pub fn patch(bytes: &[u8], role: Role) -> Result<ProgramPatch, Refusal> {
     let value = object(bytes)?;
@@ -80,6 +99,7 @@ pub fn patch(bytes: &[u8], role: Role) -> Result<ProgramPatch, Refusal> {
         memory_refs_used: patch.memory_refs_used,
         cluster_refs_used: patch.cluster_refs_used,
         repair_summary: patch.repair_summary,
+        free: patch.free,
     })
 }
 
@@ -204,6 +224,8 @@ struct WirePatch {
     cluster_refs_used: Vec<String>,
     #[serde(default, deserialize_with = "present")]
     repair_summary: Option<String>,
+    #[serde(default)]
+    free: BTreeMap<String, FreeConstant>,
 }
 
 #[derive(Deserialize)]

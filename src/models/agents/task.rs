@@ -142,4 +142,6 @@ pub struct Task<'a> {
     pub unreadable_critic: UnreadableCritic,
     /// Treatment of a proposal whose patch cannot be read.
     pub unreadable_patch: UnreadablePatch,
+    /// True if a patch may leave constants free, which a numeric search then sets.
+    pub tunes: bool,
 }

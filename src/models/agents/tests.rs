@@ -134,10 +134,11 @@ struct Rules {
     gates: GatesAsked,
     unreadable_critic: UnreadableCritic,
     unreadable_patch: UnreadablePatch,
+    tunes: bool,
 }
 
 fn run_by(
-    Rules { gates: gates_asked, unreadable_critic, unreadable_patch }: Rules,
+    Rules { gates: gates_asked, unreadable_critic, unreadable_patch, tunes }: Rules,
     models: BTreeMap<Role, ModelSpec>,
     answers: &[(&'static str, u32, String)],
     max_repair_rounds: u32,
@@ -157,6 +158,7 @@ fn run_by(
         gates: gates_asked,
         unreadable_critic,
         unreadable_patch,
+        tunes,
     };
     let check = |patch: &ProgramPatch| -> Result<Findings, AgentError> { Ok(gates(patch)) };
     let proposed = propose(&task, &table, &check).unwrap();

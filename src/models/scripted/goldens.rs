@@ -67,6 +67,7 @@ fn asked_about(example: &Example) -> Vec<Request> {
         gates: Default::default(),
         unreadable_critic: Default::default(),
         unreadable_patch: Default::default(),
+        tunes: false,
     };
     let patch = briefing.patch_text(&ProgramPatch {
         source_baseline: example.parent.source_family.clone(),
@@ -81,6 +82,7 @@ fn asked_about(example: &Example) -> Vec<Request> {
         memory_refs_used: vec![],
         cluster_refs_used: vec![],
         repair_summary: None,
+        free: Default::default(),
     });
     let verdict = GateVerdict { gate: Gate::Parent, problems: vec!["found a hash that is not the parent's".into()] };
     let findings = Findings { gates: GateReport { verdicts: vec![verdict] }, compared: 8, differing: 3 };
@@ -258,6 +260,7 @@ fn the_examples_of_a_prompt_pass_the_gates_of_their_family() {
                     memory_refs_used: vec![],
                     cluster_refs_used: vec![],
                     repair_summary: None,
+                    free: Default::default(),
                 };
                 let compiles = |_: &Program, _: Digest| Trials::default();
                 let child = SolutionId::new("a-lineage/e0s0");

@@ -16,6 +16,7 @@ mod edit;
 mod errors;
 mod evaluator;
 mod forms;
+mod free;
 mod names;
 mod reader;
 mod refusal;
@@ -79,7 +80,7 @@ fn asks_for_guards(request: &Request) -> bool {
 
 fn patch_answer(page: &reader::PromptView, mut patch: Value, rates: Rates, draws: &Draws) -> Value {
     errors::plant(page, &mut patch, rates, &mut draws.stream("errors"));
-    page.answer("program_patch", patch)
+    page.answer("program_patch", if page.tunes { free::left_free(patch) } else { patch })
 }
 
 /// Streams of random numbers for one request.

@@ -7,6 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::{
     compact,
     contract::{Contract, Kind},
+    free,
     refusal::unanswerable,
 };
 use crate::llm::{ModelError, Request};
@@ -25,8 +26,10 @@ pub struct PromptView {
     pub outcome: Option<ParentOutcome>,
     pub history: Vec<PastEdit>,
     pub asked: Asked,
-    /// The patch of a critic or of a repair.
+    /// The patch of a critic or of a repair, free constants at their first values.
     pub patch: Option<Value>,
+    /// True if a patch may leave constants free.
+    pub tunes: bool,
     pub reviews: Vec<Review>,
     /// Problems that the gates have with the patch, by the gate's name.
     pub refused: BTreeMap<String, Vec<String>>,
@@ -174,7 +177,8 @@ impl PromptView {
             outcome: take(&blocks, "Outcomes")?,
             history: take(&blocks, "Edit history")?,
             asked: take(&blocks, "Task")?,
-            patch: blocks.get("Patch").cloned(),
+            patch: blocks.get("Patch").cloned().map(free::bound),
+            tunes: blocks.contains_key("Free constants"),
             reviews: blocks.get("Reviews").map(|value| typed("Reviews", value)).transpose()?.unwrap_or_default(),
             refused: refused(&blocks),
             chains_are_one_level: request.messages.iter().any(|message| message.text.contains("one level of depth")),

@@ -76,6 +76,7 @@ fn asked(stage: &Stage, slot: u32, spec: &ModelSpec, role: Role, round: u32, sub
         gates: Default::default(),
         unreadable_critic: Default::default(),
         unreadable_patch: Default::default(),
+        tunes: false,
     };
     prompt::request(&task, spec, role, round, subject).unwrap()
 }
@@ -343,6 +344,7 @@ fn whole_proposals_end_in_patches_and_in_declines() {
                 gates: Default::default(),
                 unreadable_critic: Default::default(),
                 unreadable_patch: Default::default(),
+                tunes: false,
             };
             let check = |patch: &ProgramPatch| -> Result<Findings, AgentError> {
                 Ok(Findings { gates: gates(&stage, patch), ..Findings::default() })

@@ -25,6 +25,20 @@ pub struct Archive {
     /// Members of each group's archive in order of entry, where groups have their own.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     groups: BTreeMap<String, Vec<SolutionId>>,
+    /// Children that were not accepted and are measured on, the most promising first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    challengers: Vec<Challenger>,
+}
+
+/// A child that was not accepted and is measured on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Challenger {
+    pub solution: SolutionId,
+    /// Looks at it after its own epoch.
+    pub looks: u32,
+    /// What it gained on its parent or leader when it was last looked at, attack and realism together, 1.
+    pub gain: f64,
 }
 
 /// A candidate whose objectives the front already held.
@@ -101,6 +115,27 @@ impl Archive {
         }
         self.entries.push(entry);
         Ok(())
+    }
+
+    /// Children that were not accepted and are measured on, the most promising first.
+    pub fn challengers(&self) -> &[Challenger] {
+        &self.challengers
+    }
+
+    /// Says who is measured on from now on.
+    pub fn challenge(&mut self, challengers: Vec<Challenger>) {
+        self.challengers = challengers;
+    }
+
+    /// Puts a kept entry among those that may stand on the front, because its gain is shown by now. It comes last in the order of
+    /// acceptance, with these objectives on the scenes of this digest.
+    pub fn admit(&mut self, solution: &SolutionId, objectives: Objectives, scenes: Digest) -> Result<(), ArchiveError> {
+        let place = self.entries.iter().position(|entry| entry.solution == *solution);
+        let Some(place) = place.filter(|place| !self.front.contains(place)) else { return Ok(()) };
+        // Places behind it move up by one.
+        let entry = self.entries.remove(place);
+        self.front.iter_mut().filter(|other| **other > place).for_each(|other| *other -= 1);
+        self.insert(Entry { objectives, scenes, ..entry }).map(drop)
     }
 
     /// Measures the front again on more scenes, whose list has the digest `scenes`, and drops from it whoever is dominated
@@ -240,6 +275,22 @@ mod tests {
             prop_assert_eq!(archive.front().collect::<Vec<_>>(), expected);
             prop_assert_eq!(archive.hypervolume([0.0; 2]), plane::hypervolume(&points, [0.0; 2]));
         }
+    }
+
+    #[test]
+    fn whoever_is_admitted_later_stands_last_in_line_and_pushes_off_whom_it_dominates() {
+        let mut archive = Archive::default();
+        archive.keep(entry("late", [0.9, 0.9])).unwrap();
+        archive.insert(entry("a", [0.2, 0.8])).unwrap();
+        archive.insert(entry("b", [0.95, 0.1])).unwrap();
+        archive.admit(&SolutionId::new("late"), objectives([0.5, 0.9]), Digest::of_bytes(b"more scenes")).unwrap();
+        assert_eq!(archive.front().map(|e| e.solution.as_str()).collect::<Vec<_>>(), ["b", "late"]);
+        assert_eq!(archive.entries().len(), 3);
+        assert_eq!(archive.entry(&SolutionId::new("late")).unwrap().objectives, objectives([0.5, 0.9]));
+        // Nobody unknown, and nobody twice.
+        archive.admit(&SolutionId::new("late"), objectives([1.0, 1.0]), Digest::of_bytes(b"")).unwrap();
+        archive.admit(&SolutionId::new("nobody"), objectives([1.0, 1.0]), Digest::of_bytes(b"")).unwrap();
+        assert_eq!(archive.front().count(), 2);
     }
 
     #[test]

@@ -62,10 +62,19 @@ pub struct ArchiveOptions {
     /// True if every third slot edits another member of the front than the leader. The paper has one active parent.
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub portfolio: bool,
+    /// Most children that are measured on after an epoch that did not accept them, because they had a gain that was not shown yet. With
+    /// 0, as the paper has it, whoever was not accepted is never looked at again.
+    #[serde(default, skip_serializing_if = "is_none_at_all")]
+    pub challengers: usize,
     /// True if the parent stands among those whom a child must surpass in ΔHV and local push also where it is not on the
     /// front. The paper has the front alone.
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub parent_counts: bool,
+}
+
+/// True of a number that a file need not say.
+fn is_none_at_all(count: &usize) -> bool {
+    *count == 0
 }
 
 impl Default for ArchiveOptions {
@@ -88,6 +97,7 @@ impl Default for ArchiveOptions {
             judged_on: JudgedOn::default(),
             ties: Ties::default(),
             portfolio: true,
+            challengers: 0,
             parent_counts: true,
         }
     }

@@ -11,7 +11,7 @@ mod promotion;
 pub mod search;
 mod selector;
 
-pub use front::{Archive, ArchiveError, Duplicate, Inserted};
+pub use front::{Archive, ArchiveError, Challenger, Duplicate, Inserted};
 pub use gates::{ArchiveOptions, OptionsError, Standing, consider};
 pub use objectives::{ObjectivesError, admissible};
 pub use paired::{Account, MeanOverScenes, Means, Measure, Panel, is_shown};

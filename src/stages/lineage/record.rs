@@ -41,7 +41,7 @@ pub struct AttemptRecord {
     /// The admitted program, where there is one.
     pub child: Option<SolutionId>,
     pub patch_hash: Option<Digest>,
-    /// True if an acceptance gate held.
+    /// True if an acceptance gate held, in its own epoch or later.
     pub accepted: bool,
 }
 

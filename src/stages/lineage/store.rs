@@ -122,6 +122,15 @@ impl LineageStore {
         Ok(())
     }
 
+    /// Records that a later epoch accepted a child that its own did not.
+    pub fn accept(&mut self, id: &LineageId, solution: &SolutionId) -> Result<(), LineageError> {
+        self.program(id, solution)?;
+        let lineage = self.get_mut(id)?;
+        let own = lineage.attempts.iter_mut().filter(|record| record.child.as_ref() == Some(solution));
+        own.for_each(|record| record.accepted = true);
+        Ok(())
+    }
+
     /// Makes p_0 or an accepted child a leader from the next epoch on. Does nothing where it leads already.
     pub fn promote(
         &mut self,

@@ -108,6 +108,7 @@ fn edited() -> (Program, Program, ProgramPatch) {
         memory_refs_used: Vec::new(),
         cluster_refs_used: Vec::new(),
         repair_summary: None,
+        free: Default::default(),
     };
     (parent, child, patch)
 }

@@ -510,6 +510,7 @@ fn features_fill_the_groups_in_the_schemas_order() {
         memory_refs_used: Vec::new(),
         cluster_refs_used: Vec::new(),
         repair_summary: None,
+        free: Default::default(),
     };
     let schema = schema(&[FamilyName::new("cat"), FamilyName::new("at"), FamilyName::new("cat")], false);
     let scene = fixture::two_lane_scene();

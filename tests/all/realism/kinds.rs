@@ -198,6 +198,7 @@ fn refused(fixed_bodies: bool, path: &str, value: Value) -> Vec<String> {
         memory_refs_used: vec![],
         cluster_refs_used: vec![],
         repair_summary: None,
+        free: Default::default(),
     };
     let judging = Judging { fixed_bodies, ..Judging::whole(&family.contract, &registry) };
     let admission = admit(&parent, &patch, SolutionId::new("adv_bmt-idm/e1s0"), &judging, &|_, _| Trials::default());

@@ -12,7 +12,7 @@ use crate::experiment::{ProgramFile, read_scenes};
 use crate::families;
 use crate::kernel::{Digest, Seed, Threads, num};
 use crate::learn::Reward;
-use crate::learn::fleet::{Autoreset, Fleet, FleetOptions, Seeing, Task, TaskSet, Tasks};
+use crate::learn::fleet::{Autoreset, Fleet, FleetOptions, Task, TaskSet, Tasks};
 use crate::objects::FamilyName;
 use crate::scene::{PreparedScene, Scene, usable};
 use crate::sim::{Intervention, Plant};
@@ -106,7 +106,7 @@ fn digests(options: &EnvOptions, tasks: &Arc<Tasks>, threads: &Threads) -> Resul
 
 fn begun(tasks: &Arc<Tasks>, places: usize, setting: Setting, threads: &Threads) -> Result<Fleet, Failure> {
     let reward = Reward::metadrive(1.0);
-    let (seeing, autoreset) = (Seeing::Setting(setting), Autoreset::SameStep);
+    let (seeing, autoreset) = (setting.into(), Autoreset::SameStep);
     let (assesses, keeps, keeps_motion) = (false, false, false);
     let options = FleetOptions { seeing, reward, autoreset, by_failure: 1.0, assesses, keeps, keeps_motion };
     let mut fleet = Fleet::new(tasks.clone(), places, options).map_err(Failure::bad_input)?;

@@ -340,7 +340,7 @@ impl Rounds<'_> {
         let mut evolved = Vec::new();
         for (family, from) in self.families.iter().zip(last) {
             let hash = from.hash().map_err(Failure::internal)?;
-            let places = Places { contract: &family.source.contract, values: &none, closed: &[] };
+            let places = Places { contract: &family.source.contract, values: &none, closed: &[], numbers: false };
             let mut programs = vec![from.clone()];
             for patch in 0..self.options.patches {
                 let path = ["harden", &round.to_string(), family.member.family.as_str(), &patch.to_string()];

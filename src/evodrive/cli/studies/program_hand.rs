@@ -102,6 +102,7 @@ fn admitted(file: &ProgramFile, place: &str, value: Value) -> Result<Program, Fa
         memory_refs_used: Vec::new(),
         cluster_refs_used: Vec::new(),
         repair_summary: None,
+        free: Default::default(),
     };
     let registry = families::sources_by_hand().registry();
     let family = registry.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;

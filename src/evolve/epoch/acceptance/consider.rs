@@ -1,7 +1,7 @@
 //! The acceptor's judgement: what the archive says of each labelled candidate, in slot order, and who leads from now on.
 //! Works on copies; the state changes in `settle` alone.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::race::race;
 use super::shuffled::Swapped;
@@ -9,7 +9,7 @@ use super::{groups, rival, search};
 use crate::archive::search::SearchState;
 use crate::archive::{self, Archive, Contender, Leaders, promote};
 use crate::epoch::RunError;
-use crate::epoch::freeze::Snapshot;
+use crate::epoch::freeze::{Parent, Snapshot};
 use crate::epoch::labelling::labels::Labelling;
 use crate::epoch::labelling::measure::measure;
 use crate::epoch::labelling::standings::{Standing, Standings};
@@ -19,8 +19,8 @@ use crate::epoch::slots::draft::{Considered, Draft, Reached, RoutedCandidate};
 use crate::kernel::Digest;
 use crate::objects::entry::diagnostics_mean;
 use crate::objects::{
-    AcceptanceGates, AcceptanceRequirement, Attempt, AttemptId, Candidate, Decision, Entry, Exit, FrontOf, Objectives,
-    Program, Race, SceneScore, Score, Slot, SolutionId, WorldLabel,
+    AcceptanceGates, AcceptanceRequirement, Attempt, AttemptId, Candidate, Challenge, ChallengeVerdict, Decision,
+    Entry, Exit, FrontOf, HashedProgram, Objectives, Program, Race, SceneScore, Score, Slot, SolutionId, WorldLabel,
 };
 use crate::sim::SIM_VERSION;
 
@@ -37,6 +37,10 @@ pub struct EpochVerdicts {
     pub search: Option<SearchState>,
     /// Under shuffled labels: the labels by which each slot's candidate is judged.
     pub swapped: Swapped,
+    /// Requests of the rollouts that set free constants of the epoch's patches.
+    pub tuning: BTreeSet<Digest>,
+    /// Looks at children of earlier epochs.
+    pub challenges: Vec<Challenge>,
 }
 
 impl EpochVerdicts {
@@ -45,7 +49,18 @@ impl EpochVerdicts {
         let (archive, standing) = (snapshot.archive.clone(), snapshot.standing.clone());
         let search = snapshot.search.clone();
         let swapped = Swapped::new();
-        EpochVerdicts { attempts: Vec::new(), archive, labels: Vec::new(), standing, leaders: None, search, swapped }
+        let challenges = snapshot.challenges.iter().map(|(challenge, _)| challenge.clone()).collect();
+        EpochVerdicts {
+            attempts: Vec::new(),
+            archive,
+            labels: Vec::new(),
+            standing,
+            leaders: None,
+            search,
+            swapped,
+            tuning: BTreeSet::new(),
+            challenges,
+        }
     }
 
     /// Decides who leads, and writes what the epoch as a whole decided into its attempts, before they are sealed.
@@ -54,7 +69,9 @@ impl EpochVerdicts {
             let score = &self.standing.get(solution)?.so_far;
             Some(Contender { solution: solution.clone(), objectives: score.objectives, coverage: score.coverage })
         };
-        let front: Vec<Contender> = snapshot.archive.front().filter_map(|entry| contender(&entry.solution)).collect();
+        let late = |solution: &SolutionId| snapshot.challenges.iter().any(|(of, _)| of.solution == *solution);
+        let front = snapshot.archive.front().filter(|entry| !late(&entry.solution));
+        let front: Vec<Contender> = front.filter_map(|entry| contender(&entry.solution)).collect();
         let parents: Vec<Contender> =
             snapshot.parents.iter().filter_map(|parent| contender(&parent.program.solution_id)).collect();
         let judged_by = |attempt: &Attempt| {
@@ -63,7 +80,10 @@ impl EpochVerdicts {
             let (objectives, coverage) = swapped.unwrap_or((own.objectives, own.coverage));
             Some(Contender { objectives, coverage, ..own })
         };
-        let mut accepted: Vec<Contender> = self.attempts.iter().filter_map(judged_by).collect();
+        // Children of earlier epochs that this one accepted stand first in line.
+        let shown = snapshot.challenges.iter().filter(|(of, _)| of.verdict == ChallengeVerdict::Accepted);
+        let shown = shown.filter_map(|(of, _)| contender(&of.solution));
+        let mut accepted: Vec<Contender> = shown.chain(self.attempts.iter().filter_map(judged_by)).collect();
         let options = &study.archive;
         let mut races: Vec<(SolutionId, Race)> = Vec::new();
         self.leaders = match study.rival() {
@@ -74,8 +94,8 @@ impl EpochVerdicts {
                 // Where labels are shuffled, a race would see the true ones.
                 let level = options.race.filter(|_| self.swapped.is_empty());
                 let (Some(leaders), Some(level)) = (&led, level) else { break led };
-                let Some((slot, candidate)) = self.child(&leaders.active) else { break led };
-                let race = race(study, snapshot, slot, candidate, level, tools)?;
+                let Some((parent, child)) = self.raced(snapshot, &leaders.active)? else { break led };
+                let race = race(study, snapshot, parent, child, level, tools)?;
                 let shown = race.shown;
                 races.push((leaders.active.clone(), race));
                 if shown {
@@ -92,13 +112,24 @@ impl EpochVerdicts {
             decision.promoted = self.leaders.as_ref().is_some_and(|led| led.names(solution));
             decision.race = races.iter().find(|(raced, _)| raced == solution).map(|(_, race)| race.clone());
         }
+        for challenge in &mut self.challenges {
+            challenge.race = races.iter().find(|(raced, _)| *raced == challenge.solution).map(|(_, race)| race.clone());
+        }
         Ok(())
     }
 
-    /// The epoch's labelled candidate of this name, with its slot.
-    fn child(&self, solution: &SolutionId) -> Option<(u32, &Candidate)> {
-        let of = self.attempts.iter().filter_map(|attempt| Some((attempt.slot, attempt.exit.candidate()?)));
-        of.into_iter().find(|(_, candidate)| candidate.program.solution_id == *solution)
+    /// The epoch's labelled child of this name, or the challenger, with the program that it races against.
+    fn raced<'s>(
+        &'s self,
+        snapshot: &'s Snapshot<'_>,
+        solution: &SolutionId,
+    ) -> Result<Option<(&'s Parent, HashedProgram<'s>)>, RunError> {
+        if let Some((_, program)) = snapshot.challenges.iter().find(|(of, _)| of.solution == *solution) {
+            return Ok(Some((&snapshot.parents[0], program.hashed()?)));
+        }
+        let mut of = self.attempts.iter().filter_map(|attempt| Some((attempt.slot, attempt.exit.candidate()?)));
+        let child = of.find(|(_, candidate)| candidate.program.solution_id == *solution);
+        Ok(child.map(|(slot, candidate)| (snapshot.parent_of(slot), candidate.hashed())))
     }
 }
 
@@ -116,7 +147,8 @@ pub fn consider(
     judged: &mut EpochVerdicts,
     tools: &Tools<'_>,
 ) -> Result<Considered, RunError> {
-    let Draft { head, reached } = draft;
+    let Draft { mut head, reached } = draft;
+    judged.tuning.append(&mut head.tuning);
     let exit = match reached {
         Reached::Declined { reason } => Exit::Declined { reason },
         Reached::Invalid { gates } => Exit::Invalid { gates },

@@ -1,5 +1,6 @@
 //! Steps behind the barrier: the serial acceptor, other search methods, and the end of a run.
 
+pub(super) mod challengers;
 pub(super) mod consider;
 pub(super) mod evolve;
 pub(super) mod finale;

@@ -6,26 +6,25 @@
 
 use crate::archive::{self, ArchiveOptions};
 use crate::epoch::RunError;
-use crate::epoch::freeze::Snapshot;
+use crate::epoch::freeze::{Parent, Snapshot};
 use crate::epoch::labelling::labels::Labelling;
 use crate::epoch::labelling::measure::measure;
 use crate::epoch::setting::desk::Tools;
 use crate::epoch::setting::study::Study;
-use crate::objects::{Candidate, Look, Race};
+use crate::objects::{HashedProgram, Look, Race};
 
 /// A measured gain, however unsure.
 const ANY_GAIN: f64 = 0.5;
 
-/// Races the candidate of a slot against its parent for a gain at `level`.
+/// Races a child against a parent for a gain at `level`.
 pub fn race(
     study: &Study,
     snapshot: &Snapshot<'_>,
-    slot: u32,
-    candidate: &Candidate,
+    parent: &Parent,
+    child: HashedProgram<'_>,
     level: f64,
     tools: &Tools<'_>,
 ) -> Result<Race, RunError> {
-    let parent = snapshot.parent_of(slot);
     let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
     let order = study.opening_order(snapshot.event.epoch);
     let stages = stages(snapshot.so_far.len(), order.len());
@@ -33,8 +32,8 @@ pub fn race(
     let mut looks = Vec::new();
     for scenes in stages {
         let places = &order[..scenes];
-        labelling.ahead(&[&candidate.program, &parent.program], places)?;
-        let child = labelling.score(candidate.hashed(), places)?;
+        labelling.ahead(&[child.program, &parent.program], places)?;
+        let child = labelling.score(child, places)?;
         let before = labelling.score(parent.hashed(), places)?;
         let measure = measure(study, &[&child, &before], tools)?;
         let at = |level: f64| {

@@ -69,18 +69,19 @@ pub fn random(study: &Study, snapshot: &Snapshot<'_>, slot: u32, target: String)
     }
     let edits_max = study.search.as_ref().and_then(|search| search.edits_max).unwrap_or(1);
     let mut stream = stream(study, snapshot.spec, snapshot.event.epoch, slot, "patch");
-    let places = Places { contract, values: &values, closed: &study.without.closed() };
+    let numbers = study.method() == Method::Numbers;
+    let places = Places { contract, values: &values, closed: &study.without.closed(), numbers };
     let patch = random_patch(&parent.program, parent.hash, &places, edits_max, &mut stream);
-    let proposal =
-        Proposal { exchanges: Vec::new(), rounds: vec![Round { patch: Some(patch.clone()), reviews: Vec::new() }] };
+    let rounds = vec![Round { patch: Some(patch.clone()), reviews: Vec::new() }];
+    let proposal = Proposal { rounds, ..Proposal::default() };
     let reached = Reached::Proposed { patch: Box::new(patch), verdict: None };
-    Ok(Draft { head: Head { slot, target, proposal }, reached })
+    Ok(Draft { head: Head::new(slot, target, proposal), reached })
 }
 
 /// The lineage's requests of rollouts after an epoch with these attempts.
-pub fn spent_after(snapshot: &Snapshot<'_>, attempts: &[Attempt]) -> BTreeSet<Digest> {
+pub fn spent_after(snapshot: &Snapshot<'_>, attempts: &[Attempt], tuning: &BTreeSet<Digest>) -> BTreeSet<Digest> {
     let scores = attempts.iter().filter_map(|attempt| attempt.exit.score());
-    snapshot.spent.iter().copied().chain(scores.flat_map(requests)).collect()
+    snapshot.spent.iter().chain(tuning).copied().chain(scores.flat_map(requests)).collect()
 }
 
 /// Turns away, in slot order, the candidates that the lineage's budget of rollouts no longer pays for.
@@ -90,7 +91,8 @@ pub fn within_budget(
     mut drafts: Vec<Result<Draft, RunError>>,
 ) -> Vec<Result<Draft, RunError>> {
     let Some(budget) = study.search.as_ref().and_then(|search| search.rollouts) else { return drafts };
-    let mut left = budget.saturating_sub(snapshot.spent.len()) / snapshot.window.len().max(1);
+    let tuning: BTreeSet<&Digest> = drafts.iter().flatten().flat_map(|draft| &draft.head.tuning).collect();
+    let mut left = budget.saturating_sub(snapshot.spent.len() + tuning.len()) / snapshot.window.len().max(1);
     for draft in drafts.iter_mut().flatten() {
         let Reached::Routed { routed, .. } = &mut draft.reached else { continue };
         if routed.is_rejected() {

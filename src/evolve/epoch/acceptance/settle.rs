@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::challengers::joined;
 use super::consider::EpochVerdicts;
 use super::rival;
 use crate::agents::Change;
@@ -16,7 +17,7 @@ use crate::kernel::Digest;
 use crate::lineage::Leader;
 use crate::memory::{CurationContext, curate, reflect};
 use crate::objects::{
-    Attempt, AttemptId, Card,
+    Attempt, AttemptId, Card, ChallengeVerdict,
     event::{FrontPoint, Settled},
 };
 use crate::world;
@@ -45,9 +46,12 @@ pub fn settle(
 ) -> Result<Settled, RunError> {
     let threads = tools.threads;
     let (lineage, epoch) = (&snapshot.spec.id, snapshot.event.epoch);
-    let spent = rival::spent_after(snapshot, &judged.attempts);
+    let spent = rival::spent_after(snapshot, &judged.attempts, &judged.tuning);
     for attempt in &judged.attempts {
         state.lineages.attach(attempt)?;
+    }
+    for challenge in judged.challenges.iter().filter(|of| of.verdict == ChallengeVerdict::Accepted) {
+        state.lineages.accept(lineage, &challenge.solution)?;
     }
     if let Some(leaders) = &judged.leaders {
         state.lineages.promote(lineage, Leader::Active, &leaders.active, epoch)?;
@@ -70,7 +74,9 @@ pub fn settle(
         let (schema, configuration) = (&state.world.schema, &state.world.configuration);
         state.world = world::settle(schema, configuration, &state.labels(study), epoch + 1, threads)?;
     }
-    state.archives.insert(lineage.clone(), judged.archive);
+    let mut archive = judged.archive;
+    joined(&mut archive, &judged.attempts, &study.archive);
+    state.archives.insert(lineage.clone(), archive);
     if study.search.is_some() {
         state.spent.insert(lineage.clone(), spent);
     }
@@ -92,6 +98,8 @@ pub fn settle(
         search: state.search.get(lineage),
     };
     state.digest = Digest::of("evodrive/state/3", &settling)?;
+    let late = judged.leaders.as_ref().filter(|led| judged.challenges.iter().any(|of| of.solution == led.active));
+    let late = late.and_then(|led| state.archives[lineage].entry(&led.active)?.attempt.clone());
     let promoted = judged.attempts.iter().find(|a| a.exit.decision().is_some_and(|d| d.promoted)).map(|a| a.id.clone());
     state.attempts.extend(judged.attempts);
     state.changes.extend(changes);
@@ -101,12 +109,13 @@ pub fn settle(
         lineage: lineage.clone(),
         active: state.lineages.active(lineage)?.solution_id.clone(),
         realism_anchor: state.lineages.get(lineage)?.realism_anchor.clone(),
-        promoted,
+        promoted: promoted.or(late),
         front: archive.front().map(|e| FrontPoint { solution: e.solution.clone(), objectives: e.objectives }).collect(),
         hypervolume: archive.hypervolume(study.archive.reference),
         cards,
         world,
         world_labels: state.calibration.labels().len(),
+        challenges: judged.challenges,
         state: state.digest,
     };
     state.settled.push(settled.clone());

@@ -92,9 +92,19 @@ pub fn shown(state: &State, lineage: &LineageId, archive: &Archive, memory: &[Ca
     let on_front: BTreeSet<&AttemptId> = archive.front().filter_map(|entry| entry.attempt.as_ref()).collect();
     let carded = memory.iter().filter_map(|card| card.attempt.as_ref());
     let recent = own[own.len().saturating_sub(RECENT_ATTEMPTS)..].iter().map(|attempt| &attempt.id);
-    let wanted: BTreeSet<&AttemptId> = on_front.iter().copied().chain(carded).chain(recent).collect();
+    let measured_on: BTreeSet<&AttemptId> =
+        archive.challengers().iter().filter_map(|of| archive.entry(&of.solution)?.attempt.as_ref()).collect();
+    let wanted: BTreeSet<&AttemptId> =
+        on_front.iter().copied().chain(carded).chain(recent).chain(measured_on.iter().copied()).collect();
     let edits = own.iter().filter(|attempt| wanted.contains(&attempt.id));
-    edits.map(|attempt| edit(attempt, on_front.contains(&attempt.id), state.changes.get(&attempt.id))).collect()
+    let shown = |attempt: &Attempt| {
+        let mut edit = edit(attempt, on_front.contains(&attempt.id), state.changes.get(&attempt.id));
+        if measured_on.contains(&attempt.id) {
+            edit.ended = "not accepted yet: its gain is measured on".into();
+        }
+        edit
+    };
+    edits.map(|attempt| shown(attempt)).collect()
 }
 
 /// Says in a sentence what became of the attempts of a lineage that its history does not show; empty where it shows all.

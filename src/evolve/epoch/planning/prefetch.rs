@@ -74,7 +74,8 @@ fn last_patch(talk: &Talk<'_>, study: &Study) -> Option<ProgramPatch> {
         // A critic that was asked and gave no readable review abstains.
         !answers.is_empty() && review.is_none_or(|review| review.decision == Advice::Approve)
     };
-    study.critics().iter().all(|critic| approves(*critic)).then_some(patch)
+    // Which child a patch with free constants has is known when these are set.
+    (patch.free.is_empty() && study.critics().iter().all(|critic| approves(*critic))).then_some(patch)
 }
 
 /// One lineage ahead of the run.

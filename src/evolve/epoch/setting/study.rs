@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::options::{CompositionOptions, CounselOptions, ProposalOptions, Without};
 use crate::adapters::{Contract, Registry};
 use crate::agents::Questions;
-use crate::archive::search::{Method, SearchOptions};
+use crate::archive::search::{Method, SearchOptions, TuningOptions};
 use crate::archive::{ArchiveOptions, SelectorOptions};
 use crate::backend::{BackendOptions, DriveContext, PlanAround, ProgramContext};
 use crate::candidates::Judging;
@@ -177,6 +177,11 @@ impl Study {
     /// The method that searches.
     pub fn method(&self) -> Method {
         self.search.as_ref().map_or(Method::Pareto, |search| search.method)
+    }
+
+    /// How free constants of patches are set; `None` where patches may leave none free.
+    pub fn tuning(&self) -> Option<TuningOptions> {
+        self.search.as_ref()?.tuning
     }
 
     /// The options of a method that decides in place of the archive's gates.

@@ -27,7 +27,8 @@ pub fn admit(study: &Study, snapshot: &Snapshot<'_>, draft: Draft, tools: &Tools
     })
 }
 
-fn judged(patch: Box<ProgramPatch>, Verdict { admission, trials, in_effect }: Verdict) -> Reached {
+/// How far a patch came that was judged so.
+pub fn judged(patch: Box<ProgramPatch>, Verdict { admission, trials, in_effect }: Verdict) -> Reached {
     match admission.candidate {
         None => Reached::Invalid { gates: admission.gates },
         Some(candidate) => {

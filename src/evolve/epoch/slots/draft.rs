@@ -1,8 +1,11 @@
 //! A proposal on its way: how far it came. Each step of the epoch takes a draft and hands it on.
 
+use std::collections::BTreeSet;
+
 use crate::candidates::{Admission, Trials};
 use crate::epoch::RunError;
 use crate::epoch::briefs::in_effect::InScene;
+use crate::kernel::Digest;
 use crate::objects::{
     Candidate, Exit, GateReport, Pilot, ProbePair, ProgramPatch, Proposal, Route, RouteDecision, Score, WorldRow,
 };
@@ -23,6 +26,8 @@ pub struct Head {
     /// Request to its slot.
     pub target: String,
     pub proposal: Proposal,
+    /// Requests of the rollouts that set its free constants.
+    pub tuning: BTreeSet<Digest>,
 }
 
 /// A proposal and how far it came.
@@ -90,6 +95,13 @@ pub struct RoutedCandidate {
     pub route: Route,
     /// Row that a label will be learned from.
     pub row: WorldRow,
+}
+
+impl Head {
+    /// A proposal before its constants are set.
+    pub fn new(slot: u32, target: String, proposal: Proposal) -> Head {
+        Head { slot, target, proposal, tuning: BTreeSet::new() }
+    }
 }
 
 impl RoutedCandidate {

@@ -8,3 +8,4 @@ pub(super) mod pilot;
 pub(super) mod probes;
 pub(super) mod propose;
 pub(super) mod route;
+pub(super) mod tune;

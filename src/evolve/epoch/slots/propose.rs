@@ -41,6 +41,7 @@ pub fn propose(study: &Study, snapshot: &Snapshot<'_>, slot: u32, tools: &Tools<
         gates: study.proposals.gates,
         unreadable_critic: study.proposals.unreadable_critic,
         unreadable_patch: study.proposals.unreadable_patch,
+        tunes: study.tuning().is_some(),
     };
     // What the gates said of the latest patch: the next step asks the same of the one that is left.
     let latest: RefCell<Option<(ProgramPatch, Verdict)>> = RefCell::new(None);
@@ -60,5 +61,5 @@ pub fn propose(study: &Study, snapshot: &Snapshot<'_>, slot: u32, tools: &Tools<
             Reached::Proposed { patch: Box::new(patch), verdict: verdict.map(Box::new) }
         }
     };
-    Ok(Draft { head: Head { slot, target: target.text, proposal: proposed.proposal }, reached })
+    Ok(Draft { head: Head::new(slot, target.text, proposed.proposal), reached })
 }

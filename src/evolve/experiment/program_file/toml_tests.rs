@@ -88,7 +88,7 @@ proptest! {
         let sources: Vec<_> = sources.iter().collect();
         let source = sources[family % sources.len()];
         let values = source.contract.scene_features.iter().map(|feature| (feature.name, vec![0.1, 2.5, -7.0])).collect();
-        let places = crate::candidates::Places { contract: &source.contract, values: &values, closed: &[] };
+        let places = crate::candidates::Places { contract: &source.contract, values: &values, closed: &[], numbers: false };
         let mut stream = Seed(seed).stream(&["toml"]);
         let mut file = published(source.contract.family.as_str());
         for _ in 0..steps {

@@ -311,6 +311,7 @@ fn attempt(run: &RecordedRun, names: &Names, attempt: &Attempt) -> Value {
         "tags": candidate.map(|c| &c.mechanism_tags),
         "memory": attempt.memory_shown,
         "exchanges": attempt.proposal.exchanges.iter().map(|x| names.exchange(x)).collect::<Vec<_>>(),
+        "tuned": attempt.proposal.tuned.as_ref().map(|tuned| tuned.in_words()),
         "reviews": attempt.proposal.rounds.iter().map(reviews).collect::<Vec<_>>(),
         "gates": attempt.exit.gates().map(|g| g.verdicts.iter().map(|v| json!([v.gate, v.problems])).collect::<Vec<_>>()),
         "route": attempt.exit.route().map(|r| short(json!({

@@ -81,6 +81,7 @@ mod tests {
             memory_refs_used: vec![],
             cluster_refs_used: vec![],
             repair_summary: None,
+            free: Default::default(),
         }
     }
 

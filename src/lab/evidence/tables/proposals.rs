@@ -115,6 +115,7 @@ mod tests {
             memory_refs_used: vec![],
             cluster_refs_used: vec![],
             repair_summary: None,
+            free: Default::default(),
         };
         attempt.proposal.rounds = vec![Round { patch: Some(patch), reviews: vec![] }; 1 + repairs];
         let any = attempt.parent_hash;

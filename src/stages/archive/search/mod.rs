@@ -5,5 +5,5 @@ mod nsga2;
 mod options;
 mod state;
 
-pub use options::{Method, SearchOptions};
+pub use options::{Method, SearchOptions, TuningOptions};
 pub use state::{Child, SearchState, SlotDraw};

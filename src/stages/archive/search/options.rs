@@ -24,13 +24,16 @@ pub enum Method {
     Nsga2,
     /// A null search: the whole system, but every proposal is a random legal patch of the program that leads. No model is asked.
     RandomProposals,
+    /// A control: the whole system, but every proposal leaves free some numbers of the program that leads, and `tuning` sets them. No model is
+    /// asked. Whoever claims a gain for what a model writes has to beat this.
+    Numbers,
     /// A null search: the whole system, but acceptance and promotion see the labels of another candidate of the same epoch.
     ShuffledLabels,
 }
 
 impl Method {
     /// All of them.
-    pub const ALL: [Method; 8] = [
+    pub const ALL: [Method; 9] = [
         Method::Pareto,
         Method::AttackOnly,
         Method::OpenEvolve,
@@ -38,17 +41,18 @@ impl Method {
         Method::HillClimbing,
         Method::Nsga2,
         Method::RandomProposals,
+        Method::Numbers,
         Method::ShuffledLabels,
     ];
 
     /// Returns `true` if it decides in place of the archive's gates. A null search does not: it takes away what the gates go by.
     pub fn replaces_gates(self) -> bool {
-        !matches!(self, Method::Pareto | Method::RandomProposals | Method::ShuffledLabels)
+        !matches!(self, Method::Pareto | Method::RandomProposals | Method::Numbers | Method::ShuffledLabels)
     }
 
     /// Returns `true` if its proposals are random patches.
     pub fn draws_patches(self) -> bool {
-        matches!(self, Method::Random | Method::RandomProposals)
+        matches!(self, Method::Random | Method::RandomProposals | Method::Numbers)
     }
 
     /// The word in experiment files.
@@ -61,6 +65,7 @@ impl Method {
             Method::HillClimbing => "hill_climbing",
             Method::Nsga2 => "nsga2",
             Method::RandomProposals => "random_proposals",
+            Method::Numbers => "numbers",
             Method::ShuffledLabels => "shuffled_labels",
         }
     }
@@ -84,9 +89,23 @@ pub struct SearchOptions {
     /// Most edits of a random patch.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edits_max: Option<usize>,
+    /// How free constants of patches are set; without it patches leave none free.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tuning: Option<TuningOptions>,
     /// OpenEvolve's own options.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub openevolve: Option<OpenEvolveOptions>,
+}
+
+/// `[search.tuning]`: a numeric search by successive halving sets the constants that a patch leaves free, before the child competes. Several
+/// settings are drawn and labelled in a few evolution scenes outside the epoch's window; the better half goes on to twice as many.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TuningOptions {
+    /// Settings that are tried, the patch's own among them.
+    pub draws: usize,
+    /// Scenes in which all of them are labelled.
+    pub scenes: usize,
 }
 
 impl SearchOptions {
@@ -122,7 +141,7 @@ impl SearchOptions {
                  in attack and realism."
                     .into(),
             ),
-            Method::Random | Method::RandomProposals => Some("Nobody is asked.".into()),
+            Method::Random | Method::RandomProposals | Method::Numbers => Some("Nobody is asked.".into()),
         }
     }
 }

@@ -57,6 +57,7 @@ impl SearchState {
             | Method::Random
             | Method::HillClimbing
             | Method::RandomProposals
+            | Method::Numbers
             | Method::ShuffledLabels => None,
         }
     }
@@ -140,6 +141,7 @@ mod tests {
             attack_weight: Some(0.5),
             population: Some(3),
             edits_max: None,
+            tuning: None,
             openevolve: None,
         }
     }

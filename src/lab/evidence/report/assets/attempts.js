@@ -77,6 +77,7 @@ function detail(a) {
   if (a.memory && a.memory.length) add("Memory shown", el("p", { class: "mono" }, a.memory.join(", ")));
   const reviews = (a.reviews || []).flatMap((round, i) => round.flatMap(([role, decision, blockers]) => [el("p", {}, `round ${i} · ${plain(data.roles[role])}: `, el("b", { class: decision === "approve" ? "pass" : "fail" }, `${decision === "approve" ? "✓" : "✗"} ${decision}`)), blockers.length ? list(blockers) : null]));
   if (reviews.length) add("Reviews", ...reviews.filter(Boolean));
+  if (a.tuned) add("Numbers", el("p", {}, a.tuned));
   if (a.route) add("Route", el("p", {}, `${a.route.reason.startsWith(a.route.decision) ? "" : `${a.route.decision}: `}${a.route.reason}; predicted attack ${fixed(a.route.predicted.attack, 2)}, realism ${fixed(a.route.predicted.realism, 3)}, uncertainty ${fixed(a.route.uncertainty, 3)}`));
   if (a.scenes) add("Scenes", sortable(["Scene", "Attack", "Realism", ...data.metrics, "Below 1"], a.scenes.map(([scene, attack, realism, applied, below, measured = []]) => [{ by: data.scenes[scene], node: el("span", {}, data.scenes[scene] + (applied ? " " : " (not applied) "), playButton(a.solution, data.scenes[scene])) }, [attack, 2], [realism, 4], ...measured.map((value) => [value, 3]), below.map(([n, d]) => `${plain(data.diagnostics[n])} ${d.toFixed(3)}`).join(", ")]), `scenes-${a.id}`, { rowsAPage: 20 }));
   if (a.failures && a.failures.length) add("Scenes without a label", list(a.failures.map((f) => `${f.scene}: ${f.reason}`)));

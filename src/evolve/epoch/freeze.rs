@@ -104,6 +104,7 @@ pub fn freeze<'a>(
     let drawn = search::draw(study, spec, epoch, &mut search);
     let live = leaders.iter().chain(drawn.iter().map(|slot| &slot.parent)).cloned();
     let live = live.chain(archive.front().map(|e| e.solution.clone()));
+    let live = live.chain(archive.challengers().iter().map(|of| of.solution.clone()));
     let live: Vec<SolutionId> = live.chain(archive.members().cloned()).collect();
     let programs = live.iter().map(|solution| state.lineages.program(&spec.id, solution));
     labelling.ahead(&programs.collect::<Result<Vec<_>, _>>()?, &so_far)?;
@@ -116,9 +117,14 @@ pub fn freeze<'a>(
     }
     let fresh: BTreeMap<SolutionId, Objectives> =
         standing.iter().map(|(solution, labels)| (solution.clone(), labels.so_far.objectives)).collect();
-    archive.relabel(&fresh, study.scenes_digest(&so_far)?)?;
-    let looks = [window.as_slice(), so_far.as_slice()];
-    let challenges = looked_at(&labelling, state, &leaders[0], looks, &mut archive, &mut standing)?;
+    let scenes = study.scenes_digest(&so_far)?;
+    archive.relabel(&fresh, scenes)?;
+    let with_program = |of: Challenge| -> Result<_, RunError> {
+        let program = state.lineages.program(&spec.id, &of.solution)?.clone();
+        Ok((of, program))
+    };
+    let challenges = looked_at(study, &leaders[0], scenes, &mut archive, &standing, tools)?;
+    let challenges = challenges.into_iter().map(with_program).collect::<Result<Vec<_>, _>>()?;
     let spent = search::spent(study, state, spec, &standing);
     let leaders = with_portfolio(study, state, spec, leaders, &archive, &standing, epoch)?;
     let scene_tags = study.telling_tags(&window);
@@ -186,15 +192,20 @@ fn with_portfolio(
     let others = archive.front().map(|entry| &entry.solution).filter(|solution| !leaders.contains(solution));
     let others: Vec<SolutionId> = others.filter(acts).cloned().collect();
     let attack = |solution: &SolutionId| standing.get(solution).map_or(0.0, |labels| labels.so_far.objectives.attack);
-    // Where good ideas are followed up, the front's best in attack has every second turn: slots that edit weaker programs regain first
-    // what it has.
-    let best = others.iter().reduce(|best, next| if attack(next) > attack(best) { next } else { best });
-    let strongest = best.filter(|best| study.archive.challengers > 0 && attack(best) > attack(&leaders[0]));
-    let turn = match strongest {
-        Some(best) if epoch.is_multiple_of(2) => Some(best.clone()),
-        _ => others.get(epoch as usize % others.len().max(1)).cloned(),
-    };
+    let attacks: Vec<f64> = others.iter().map(attack).collect();
+    let follows_up = study.archive.challengers > 0;
+    let turn = turn(&attacks, attack(&leaders[0]), epoch, follows_up).map(|place| others[place].clone());
     Ok(leaders.into_iter().chain(turn).collect())
+}
+
+/// Whose turn it is to be the second parent, of others with these attacks. They take turns; where good ideas are followed up, the strongest
+/// has every second one, if it has more attack than the leader: slots that edit weaker programs regain first what it has.
+fn turn(attacks: &[f64], leader: f64, epoch: u32, follows_up: bool) -> Option<usize> {
+    let strongest = (0..attacks.len()).reduce(|best, next| if attacks[next] > attacks[best] { next } else { best })?;
+    if follows_up && epoch.is_multiple_of(2) && attacks[strongest] > leader {
+        return Some(strongest);
+    }
+    Some(epoch as usize % attacks.len())
 }
 
 /// Parts of a parent's labels that the agents are told.
@@ -333,5 +344,22 @@ impl Freezing<'_> {
             memory_shown: first.memory_shown.clone(),
             slots: study.budget.slots,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::turn;
+
+    #[test]
+    fn the_strongest_has_every_second_turn_where_it_is_stronger_than_the_leader_and_ideas_are_followed_up() {
+        let turns = |attacks: &[f64], leader, follows_up| -> Vec<Option<usize>> {
+            (0..4).map(|epoch| turn(attacks, leader, epoch, follows_up)).collect()
+        };
+        let all = [0.2, 0.1, 0.4, 0.4];
+        assert_eq!(turns(&all, 0.3, false), [Some(0), Some(1), Some(2), Some(3)]);
+        assert_eq!(turns(&all, 0.3, true), [Some(2), Some(1), Some(2), Some(3)]);
+        assert_eq!(turns(&all, 0.5, true), turns(&all, 0.5, false));
+        assert_eq!(turns(&[], 0.5, true), [None; 4]);
     }
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::{ContractMark, Experiment, LineageOptions, ModelOptions, OptionError, ParentProgram, SceneSource};
 use crate::adapters::Contract;
+use crate::archive::search::Method;
 use crate::evaluation::{Counts, EvaluationOptions, metrics::place_of_kind};
 use crate::families;
 use crate::llm::client;
@@ -81,6 +82,23 @@ fn searched(experiment: &Experiment) -> Result<(), OptionError> {
     {
         let why = "nothing: it would not count the rollouts of [world.routing.pilot]; remove one of the two";
         return Err(OptionError::new("search.rollouts", rollouts, why));
+    }
+    let method = experiment.search.as_ref().map_or(Method::Pareto, |search| search.method);
+    let tunes = experiment.search.as_ref().is_some_and(|search| search.tuning.is_some());
+    if method == Method::Numbers && !tunes {
+        let why = "another method, or [search.tuning] beside it: it leaves numbers free, which that sets";
+        return Err(OptionError::new("search.method", "\"numbers\"", why));
+    }
+    if method == Method::ShuffledLabels && tunes {
+        let why =
+            "nothing: it would see the labels that search.method = \"shuffled_labels\" hides; remove one of the two";
+        return Err(OptionError::new("search.tuning", "a table", why));
+    }
+    let own_gates = method != Method::ShuffledLabels && !method.replaces_gates();
+    if experiment.archive.challengers > 0 && !(own_gates && experiment.archive.front_per == FrontPer::Lineage) {
+        let why = "0: later looks go by the archive's own gates and true labels, over a front of the whole lineage; remove it, or \
+                   search.method, or archive.front_per";
+        return Err(OptionError::new("archive.challengers", experiment.archive.challengers, why));
     }
     if experiment.archive.front_per == FrontPer::Group {
         let refused = |why: &str| Err(OptionError::new("archive.front_per", "\"group\"", why));
@@ -472,5 +490,37 @@ fn labels(experiment: &Experiment) -> Result<(), Problem> {
             }
             None => Ok(()),
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    /// What is said of a shipped experiment once it is changed; empty where nothing is wrong with it.
+    fn refused(name: &str, change: impl Fn(&mut Experiment)) -> String {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../experiments/arms").join(name);
+        let mut experiment = Experiment::read(&file).unwrap();
+        assert_eq!(check(&experiment), Ok(()));
+        change(&mut experiment);
+        check(&experiment).err().map_or(String::new(), |problem| format!("{problem:?}"))
+    }
+
+    fn method(experiment: &mut Experiment, method: Method) {
+        experiment.search.as_mut().unwrap().method = method;
+    }
+
+    #[test]
+    fn what_would_see_hidden_labels_or_leave_numbers_open_is_refused() {
+        let alone = refused("numbers.toml", |experiment| experiment.search.as_mut().unwrap().tuning = None);
+        assert!(alone.contains("it leaves numbers free"), "{alone}");
+        let shuffled = refused("tuned.toml", |experiment| method(experiment, Method::ShuffledLabels));
+        assert!(shuffled.contains("search.tuning"), "{shuffled}");
+        for other in [Method::ShuffledLabels, Method::AttackOnly] {
+            let says = refused("challengers.toml", |experiment| method(experiment, other));
+            assert!(says.contains("archive.challengers"), "{says}");
+        }
+        assert_eq!(refused("challengers.toml", |experiment| method(experiment, Method::RandomProposals)), "");
     }
 }

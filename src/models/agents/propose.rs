@@ -162,8 +162,8 @@ impl Talk<'_> {
     ) -> Result<Draft, E> {
         let model = model_of(self.task.models, role)?;
         let judge = Judged { model, role, tunes: self.task.tunes, check, failed: RefCell::new(None) };
-        let tunes = self.task.tunes;
-        let answered = self.exchange(role, round, subject, Some(&judge), |bytes| readable(bytes, role, tunes));
+        let read = reader(self.task.tunes);
+        let answered = self.exchange(role, round, subject, Some(&judge), |bytes| read(bytes, role));
         if let Some(error) = judge.failed.into_inner() {
             return Err(error);
         }
@@ -254,7 +254,7 @@ struct Judged<'a, E> {
 impl<E> DraftJudge for Judged<'_, E> {
     fn tried(&self, draft: &[u8]) -> Tried {
         let refused = |says: String| Tried { passes: false, says };
-        let patch = match readable(self.model.opened(draft).0, self.role, self.tunes) {
+        let patch = match reader(self.tunes)(self.model.opened(draft).0, self.role) {
             Err(refusal) => return refused(format!("it cannot be read: {refusal}")),
             Ok(patch) => patch,
         };
@@ -268,15 +268,9 @@ impl<E> DraftJudge for Judged<'_, E> {
     }
 }
 
-/// The patch of a reply. Where no numeric search sets constants a patch may leave none free.
-fn readable(bytes: &[u8], role: Role, tunes: bool) -> Result<ProgramPatch, Refusal> {
-    let patch = reply::patch(bytes, role)?;
-    if !tunes && !patch.free.is_empty() {
-        return Err(Refusal(
-            "departs from the reply schema: unknown field `free`; this run sets no free constants".into(),
-        ));
-    }
-    Ok(patch)
+/// How a run reads patches: with free constants where a numeric search sets them.
+fn reader(tunes: bool) -> fn(&[u8], Role) -> Result<ProgramPatch, Refusal> {
+    if tunes { reply::patch_with_free } else { reply::patch }
 }
 
 fn model_of(models: &BTreeMap<Role, ModelSpec>, role: Role) -> Result<&ModelSpec, AgentError> {

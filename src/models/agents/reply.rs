@@ -7,8 +7,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::objects::{
-    Advice, Composition, FamilyName, FreeConstant, Operation, OperationKind, ProgramPatch, Review, Role, SolutionId,
-    WorldPatch,
+    Advice, Composition, FamilyName, Operation, OperationKind, ProgramPatch, Review, Role, SolutionId, WorldPatch,
 };
 
 const ACTOR_SCHEMA: &str = include_str!("schemas/actor.json");
@@ -69,7 +68,18 @@ pub fn schema_with_free(role: Role) -> Value {
 
 /// The patch of an actor or of a repair.
 pub fn patch(bytes: &[u8], role: Role) -> Result<ProgramPatch, Refusal> {
-    let value = object(bytes)?;
+    patch_of(object(bytes)?, role)
+}
+
+/// The same of a run in which patches may leave constants free.
+pub fn patch_with_free(bytes: &[u8], role: Role) -> Result<ProgramPatch, Refusal> {
+    let mut value = object(bytes)?;
+    let members = value.get_mut("program_patch").and_then(Value::as_object_mut);
+    let free = members.and_then(|members| members.remove("free")).map(read).transpose()?.unwrap_or_default();
+    Ok(ProgramPatch { free, ..patch_of(value, role)? })
+}
+
+fn patch_of(value: Value, role: Role) -> Result<ProgramPatch, Refusal> {
     let wire: WirePatchReply = read(value)?;
     name("response_id", &wire.response_id)?;
     let patch = wire.program_patch;
@@ -99,7 +109,7 @@ pub fn patch(bytes: &[u8], role: Role) -> Result<ProgramPatch, Refusal> {
         memory_refs_used: patch.memory_refs_used,
         cluster_refs_used: patch.cluster_refs_used,
         repair_summary: patch.repair_summary,
-        free: patch.free,
+        free: BTreeMap::new(),
     })
 }
 
@@ -224,8 +234,6 @@ struct WirePatch {
     cluster_refs_used: Vec<String>,
     #[serde(default, deserialize_with = "present")]
     repair_summary: Option<String>,
-    #[serde(default)]
-    free: BTreeMap<String, FreeConstant>,
 }
 
 #[derive(Deserialize)]

@@ -570,6 +570,27 @@ fn what_is_not_exactly_one_json_object_is_refused() {
     assert!(reply::patch(format!(" {good}\n").as_bytes(), Role::Actor).is_ok());
 }
 
+#[test]
+fn free_constants_are_read_where_a_search_sets_them_and_are_an_unknown_field_elsewhere() {
+    let mut reply = patch_reply(false);
+    let read = |reply: &Value| reply::patch_with_free(reply.to_string().as_bytes(), Role::Actor);
+    assert_eq!(read(&reply), reply::patch(reply.to_string().as_bytes(), Role::Actor), "none is fine");
+    // An empty list, too, is one.
+    reply["program_patch"]["free"] = json!({});
+    assert!(read(&reply).is_ok());
+    let unknown = reply::patch(reply.to_string().as_bytes(), Role::Actor).unwrap_err().0;
+    assert!(unknown.contains("unknown field `free`"), "{unknown}");
+    reply["program_patch"]["free"] = json!({"a": {"start": 1.5, "high": 3}});
+    let free = read(&reply).unwrap().free["a"];
+    assert_eq!((free.start, free.low, free.high), (1.5, None, Some(3.0)));
+    for bad in
+        [json!([]), json!(null), json!({"a": 1}), json!({"a": {"low": 0}}), json!({"a": {"start": 1, "step": 1}})]
+    {
+        reply["program_patch"]["free"] = bad;
+        assert!(read(&reply).is_err(), "{reply}");
+    }
+}
+
 /// Every part of the context, changed alone, changes the context: nothing that is shown is a constant.
 #[test]
 fn the_context_shows_what_was_tried_what_came_of_it_and_what_happened_in_each_scene() {

@@ -72,6 +72,16 @@ pub struct ArchiveOptions {
     pub parent_counts: bool,
 }
 
+impl ArchiveOptions {
+    /// A level at which every measured gain counts, however unsure.
+    pub const ANY_GAIN: f64 = 0.5;
+
+    /// The same options with another level.
+    pub fn at(&self, level: f64) -> ArchiveOptions {
+        ArchiveOptions { level, ..self.clone() }
+    }
+}
+
 /// True of a number that a file need not say.
 fn is_none_at_all(count: &usize) -> bool {
     *count == 0

@@ -4,60 +4,51 @@
 
 use crate::archive::{self, Archive, ArchiveOptions, Challenger};
 use crate::epoch::RunError;
-use crate::epoch::labelling::labels::Labelling;
 use crate::epoch::labelling::measure::measure;
 use crate::epoch::labelling::standings::Standings;
-use crate::epoch::state::State;
-use crate::objects::{AcceptanceGates, Attempt, Challenge, ChallengeVerdict, Program, Score, SolutionId};
+use crate::epoch::setting::desk::Tools;
+use crate::epoch::setting::study::Study;
+use crate::kernel::Digest;
+use crate::objects::{AcceptanceGates, Attempt, Challenge, ChallengeVerdict, Score, SolutionId};
 
 /// Epochs in which a challenger is looked at, its own not counted.
 const LOOKS: u32 = 3;
-/// A measured gain, however unsure.
-const ANY_GAIN: f64 = 0.5;
 
-/// Measures a lineage's challengers on all windows up to an epoch's, judges each beside the leader and the front, and puts those whose
-/// gain is shown on the front. Returns what became of each, with the programs of those that were accepted.
+/// Judges a lineage's challengers by their labels on all windows up to an epoch's, each beside the leader and the front, and puts those
+/// whose gain is shown on the front. `scenes` is the digest of those scenes. Returns what became of each.
 pub fn looked_at(
-    labelling: &Labelling<'_>,
-    state: &State,
+    study: &Study,
     leader: &SolutionId,
-    [window, so_far]: [&[usize]; 2],
+    scenes: Digest,
     archive: &mut Archive,
-    standing: &mut Standings,
-) -> Result<Vec<(Challenge, Program)>, RunError> {
-    let Labelling { study, spec, tools, .. } = *labelling;
+    standing: &Standings,
+    tools: &Tools<'_>,
+) -> Result<Vec<Challenge>, RunError> {
     let (mut became, mut left) = (Vec::new(), Vec::new());
     for challenger in archive.challengers().to_vec() {
-        let program = state.lineages.program(&spec.id, &challenger.solution)?.clone();
-        let labels = labelling.standing(program.hashed()?, window, so_far)?;
         let front = archive.front().filter_map(|entry| Some(&standing.get(&entry.solution)?.so_far));
         let front: Vec<&Score> = front.collect();
-        let (child, parent) = (&labels.so_far, &standing[leader].so_far);
+        let (child, parent) = (&standing[&challenger.solution].so_far, &standing[leader].so_far);
         let measure = measure(study, &[&[child, parent], front.as_slice()].concat(), tools)?;
-        let at = |level: f64| {
-            let options = ArchiveOptions { level, ..study.archive.clone() };
-            archive::consider(&archive::Standing { child, parent, front: &front }, &options, &*measure)
-        };
+        let beside = archive::Standing { child, parent, front: &front };
+        let at = |level: f64| archive::consider(&beside, &study.archive.at(level), &*measure);
         // Its own epoch's look was the first.
         let gates = Box::new(at(1.0 - (1.0 - study.archive.level) / f64::from(LOOKS + 1))?);
         let looks = challenger.looks + 1;
         let verdict = if gates.any() {
             ChallengeVerdict::Accepted
-        } else if looks < LOOKS && at(ANY_GAIN)?.any() {
+        } else if looks < LOOKS && at(ArchiveOptions::ANY_GAIN)?.any() {
             ChallengeVerdict::Stays
         } else {
             ChallengeVerdict::Dropped
         };
         let gain = gained(&gates);
         match verdict {
-            ChallengeVerdict::Accepted => {
-                archive.admit(&challenger.solution, child.objectives, study.scenes_digest(so_far)?)?;
-                standing.insert(challenger.solution.clone(), labels);
-            }
+            ChallengeVerdict::Accepted => archive.admit(&challenger.solution, child.objectives, scenes)?,
             ChallengeVerdict::Stays => left.push(Challenger { looks, gain, ..challenger.clone() }),
             ChallengeVerdict::Dropped => {}
         }
-        became.push((Challenge { solution: challenger.solution, looks, verdict, gates, race: None }, program));
+        became.push(Challenge { solution: challenger.solution, looks, verdict, gates, race: None });
     }
     archive.challenge(left);
     Ok(became)

@@ -13,9 +13,6 @@ use crate::epoch::setting::desk::Tools;
 use crate::epoch::setting::study::Study;
 use crate::objects::{HashedProgram, Look, Race};
 
-/// A measured gain, however unsure.
-const ANY_GAIN: f64 = 0.5;
-
 /// Races a child against a parent for a gain at `level`.
 pub fn race(
     study: &Study,
@@ -36,14 +33,12 @@ pub fn race(
         let child = labelling.score(child, places)?;
         let before = labelling.score(parent.hashed(), places)?;
         let measure = measure(study, &[&child, &before], tools)?;
-        let at = |level: f64| {
-            let options = ArchiveOptions { level, ..study.archive.clone() };
-            archive::consider(&archive::Standing { child: &child, parent: &before, front: &[] }, &options, &*measure)
-        };
+        let beside = archive::Standing { child: &child, parent: &before, front: &[] };
+        let at = |level: f64| archive::consider(&beside, &study.archive.at(level), &*measure);
         let gates = Box::new(at(level)?);
         let shown = gates.any();
         looks.push(Look { level, gates });
-        if shown || !at(ANY_GAIN)?.any() {
+        if shown || !at(ArchiveOptions::ANY_GAIN)?.any() {
             return Ok(Race { shown, looks });
         }
     }

@@ -58,7 +58,7 @@ fn approved(recorded: &Cassette, lineage: &LineageId, study: &Study) -> Vec<(u32
     talks.iter().filter_map(agreed).collect()
 }
 
-/// The patch of the last round, if it was approved.
+/// The patch of the last round, if it was approved. One with free constants is none yet: its child is known when these are set.
 fn last_patch(talk: &Talk<'_>, study: &Study) -> Option<ProgramPatch> {
     let opened = |role: Role, answer: &'_ Recorded| match study.models.get(&role) {
         Some(model) => model.drawn(&answer.slot).opened(&answer.bytes).0.to_vec(),
@@ -74,8 +74,7 @@ fn last_patch(talk: &Talk<'_>, study: &Study) -> Option<ProgramPatch> {
         // A critic that was asked and gave no readable review abstains.
         !answers.is_empty() && review.is_none_or(|review| review.decision == Advice::Approve)
     };
-    // Which child a patch with free constants has is known when these are set.
-    (patch.free.is_empty() && study.critics().iter().all(|critic| approves(*critic))).then_some(patch)
+    study.critics().iter().all(|critic| approves(*critic)).then_some(patch)
 }
 
 /// One lineage ahead of the run.

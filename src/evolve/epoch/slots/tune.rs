@@ -3,7 +3,8 @@
 //! scenes, the better half in twice as many, until one is left.
 //!
 //! The scenes are evolution scenes outside all windows so far, as long as there are enough: a child that was chosen on the scenes that
-//! judge it would look better than it is. A setting is better by the rule of reporting: whoever keeps the floor of realism, or its
+//! judge it would look better than it is. Whoever acts too rarely to be accepted comes last: where nobody hits, doing nothing would be the
+//! most realistic. Then, as in the choice of who is reported but without its tolerance, whoever keeps the floor of realism, or its
 //! parent's where that is lower, comes first, then who has more attack.
 
 use std::cmp::Ordering;
@@ -104,8 +105,7 @@ impl Tuning<'_> {
     /// The scenes of each look. They end with the scenes, and with what a declared budget of rollouts leaves to a slot.
     fn looks(&self, settings: usize) -> Vec<Vec<usize>> {
         let Tuning { study, snapshot, options, .. } = *self;
-        let all = self.outside(&snapshot.so_far).or_else(|| self.outside(&snapshot.window));
-        let mut scenes = all.unwrap_or_else(|| study.evolution.clone());
+        let mut scenes = others(&study.evolution, [&snapshot.so_far, &snapshot.window], options.scenes);
         let epoch = snapshot.event.epoch;
         // All slots look at the same scenes, so the parent is labelled there once.
         stream(study, snapshot.spec, epoch, 0, "tuning scenes").shuffle(&mut scenes);
@@ -129,12 +129,6 @@ impl Tuning<'_> {
         looks
     }
 
-    /// Evolution scenes that are none of these; `None` where they are fewer than the first look takes.
-    fn outside(&self, places: &[usize]) -> Option<Vec<usize>> {
-        let others: Vec<usize> = self.study.evolution.iter().filter(|place| !places.contains(place)).copied().collect();
-        (others.len() >= self.options.scenes).then_some(others)
-    }
-
     /// Labels settings in these scenes and keeps the better half of them, the best first.
     fn better_half(
         &self,
@@ -151,33 +145,61 @@ impl Tuning<'_> {
         let mut labelled = |score: Result<Score, RunError>| match score {
             Ok(score) => {
                 spent.extend(requests(&score));
-                Ok(Some(score.objectives))
+                Ok(Some(Shown { objectives: score.objectives, coverage: score.coverage }))
             }
             // What no scene can label is found, and said, where it is labelled on the window.
             Err(RunError::Evaluation(EvaluationError::NoLabel(_))) => Ok(None),
             Err(error) => Err(error),
         };
         let before = labelled(labelling.score(parent.hashed(), places))?;
-        let floor = before.map_or(0.0, |before| before.realism).min(study.selector.realism_min);
-        let mut shown: Vec<(usize, Objectives)> = Vec::new();
+        let before = before.unwrap_or(Shown { objectives: Objectives { attack: 0.0, realism: 0.0 }, coverage: 0.0 });
+        let floors = Floors {
+            realism: before.objectives.realism.min(study.selector.realism_min),
+            coverage: study.archive.coverage_floor * before.coverage,
+        };
+        let mut shown: Vec<(usize, Shown)> = Vec::new();
         for at in left {
             let Some(child) = settings[at].candidate() else { continue };
-            if let Some(objectives) = labelled(labelling.score(child.hashed(), places))? {
-                settings[at].looks.push(objectives);
-                shown.push((at, objectives));
+            if let Some(of) = labelled(labelling.score(child.hashed(), places))? {
+                settings[at].looks.push(of.objectives);
+                shown.push((at, of));
             }
         }
         // Of those that stand alike the earlier one: the sort is stable.
-        shown.sort_by(|(_, a), (_, b)| better(a, b, floor));
+        shown.sort_by(|(_, a), (_, b)| better(a, b, &floors));
         shown.truncate(shown.len().div_ceil(2));
         Ok(shown.into_iter().map(|(at, _)| at).collect())
     }
 }
 
-/// Orders the better one first, by the rule of reporting.
-fn better(a: &Objectives, b: &Objectives, floor: f64) -> Ordering {
-    let key =
-        |of: &Objectives| if of.realism >= floor { [1.0, of.attack, of.realism] } else { [0.0, of.realism, of.attack] };
+/// Evolution scenes that are none of the first of these, or where that leaves fewer than the first look takes, none of the second; all of
+/// them where that does, too.
+fn others(evolution: &[usize], judging: [&[usize]; 2], least: usize) -> Vec<usize> {
+    let outside = |places: &[usize]| evolution.iter().filter(|place| !places.contains(place)).copied().collect();
+    let enough = |scenes: &Vec<usize>| scenes.len() >= least;
+    judging.into_iter().map(outside).find(enough).unwrap_or_else(|| evolution.to_vec())
+}
+
+/// Labels of a setting at a look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Shown {
+    objectives: Objectives,
+    coverage: f64,
+}
+
+/// Least values of a setting that is to be preferred.
+struct Floors {
+    realism: f64,
+    coverage: f64,
+}
+
+/// Orders the better one first.
+fn better(a: &Shown, b: &Shown, floors: &Floors) -> Ordering {
+    let key = |of: &Shown| {
+        let Objectives { attack, realism } = of.objectives;
+        let acts = f64::from(u8::from(of.coverage > 0.0 && of.coverage >= floors.coverage));
+        if realism >= floors.realism { [acts, 1.0, attack, realism] } else { [acts, 0.0, realism, attack] }
+    };
     let (a, b) = (key(a), key(b));
     b.iter().zip(&a).map(|(b, a)| b.total_cmp(a)).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
 }
@@ -187,10 +209,34 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_scenes_that_choose_numbers_are_none_of_those_that_judge_as_long_as_there_are_enough() {
+        let all: Vec<usize> = (10..20).collect();
+        let (so_far, window) = (&all[..6], &all[4..6]);
+        assert_eq!(others(&all, [so_far, window], 4), all[6..]);
+        assert_eq!(others(&all, [so_far, window], 5), [&all[..4], &all[6..]].concat());
+        assert_eq!(others(&all, [so_far, window], 9), all);
+    }
+
+    #[test]
     fn whoever_keeps_the_floor_comes_first_then_more_attack_then_more_realism() {
-        let of = |attack, realism| Objectives { attack, realism };
+        let of = |attack, realism| Shown { objectives: Objectives { attack, realism }, coverage: 0.8 };
+        let floors = Floors { realism: 0.95, coverage: 0.8 };
         let mut all = [of(0.9, 0.90), of(0.2, 0.96), of(0.4, 0.95), of(0.4, 0.99), of(0.1, 0.94)];
-        all.sort_by(|a, b| better(a, b, 0.95));
+        all.sort_by(|a, b| better(a, b, &floors));
         assert_eq!(all, [of(0.4, 0.99), of(0.4, 0.95), of(0.2, 0.96), of(0.1, 0.94), of(0.9, 0.90)]);
+    }
+
+    #[test]
+    fn a_setting_that_does_nothing_or_acts_too_rarely_comes_last_however_realistic_it_is() {
+        let of = |attack, realism, coverage| Shown { objectives: Objectives { attack, realism }, coverage };
+        let (acts, rarely, nothing) = (of(0.0, 0.96, 0.9), of(0.3, 0.99, 0.4), of(0.0, 1.0, 0.0));
+        let least = |all: &mut [Shown], coverage| {
+            all.sort_by(|a, b| better(a, b, &Floors { realism: 0.95, coverage }));
+            *all.last().unwrap()
+        };
+        assert_eq!(least(&mut [nothing, acts], 0.8), nothing);
+        assert_eq!(least(&mut [rarely, acts], 0.8), rarely);
+        // Nor where the parent acts nowhere itself.
+        assert_eq!(least(&mut [nothing, acts], 0.0), nothing);
     }
 }
